@@ -11,13 +11,13 @@ from .agreement import agreement_of
 from .body_footprints import CAPSULE, BodyFootprints, footprints_of
 from .body_kind import disc_radius
 from .domain import Domain
-from .obstacles import clearance
+from .obstacles import clearance, distance_to
 from .packing import elongation_of, in_cells, packable, share_inside
 from .problem import Problem
 from .surface import Surface
 from .validation import check_is
 
-__all__ = ["Cover", "cover_of"]
+__all__ = ["Cover", "cover_of", "share_with_room"]
 
 # Cells along the longer side of the domain in which what is asked for is compared with what fits; fewer where bodies are large.
 CELLS = 128
@@ -111,12 +111,42 @@ def _share_beside_obstacles(problem: Problem, domain: Domain, mean_area: float) 
     if not problem.obstacles:
         return 1.0
     radius = float(disc_radius(mean_area))
-    width, height = domain.size
-    pixel = max(radius / PIXELS_PER_RADIUS, max(width, height) / PIXELS)
-    shape = (max(1, round(height / pixel)), max(1, round(width / pixel)))
+    shape = _pixels(domain, radius)
     free = np.max([in_cells(c.density_image > 0.0, shape) for c in problem.classes], axis=0)
     beside = clearance(problem.obstacles, domain, shape, 0.5 * radius) < 0.5 * radius
     return float(free[~beside].sum() / max(float(free.sum()), 1e-300))
+
+
+def share_with_room(problem: Problem, class_index: int, scale: float = 1.0) -> float:
+    """Part of the free ground of a class (density above zero) where its bodies can lie: what discs as large can cover.
+
+    Large ones have less room than small ones: what is left between trees takes gravel everywhere, and boulders only where it is wide.
+    On a whole surface it is 1: nothing is known there.
+
+    Args:
+        problem: The problem.
+        class_index: Which class.
+        scale: Factor on how long and wide its bodies are.
+    """
+    domain, one = problem.domain, problem.classes[class_index]
+    if not isinstance(domain, Domain) or not problem.obstacles:
+        return 1.0
+    areas = [size.mean_area for size in one.sizes]
+    radius = scale * float(disc_radius(float(np.average(areas, weights=[size.count or 1 for size in one.sizes]))))
+    shape = _pixels(domain, radius)
+    free = in_cells(one.density_image > 0.0, shape)
+    rows, columns = shape
+    pixel = (domain.size[0] / columns, domain.size[1] / rows)
+    middles = clearance(problem.obstacles, domain, shape, radius) >= radius
+    reached = distance_to(middles, pixel, radius + max(pixel), domain.periodic) <= radius
+    return float((free * reached).sum() / max(float(free.sum()), 1e-300))
+
+
+def _pixels(domain: Domain, radius: float) -> tuple[int, int]:
+    """Rows and columns in which obstacles are looked at for bodies of a radius [m]."""
+    width, height = domain.size
+    pixel = max(radius / PIXELS_PER_RADIUS, max(width, height) / PIXELS)
+    return max(1, round(height / pixel)), max(1, round(width / pixel))
 
 
 def _areas(problem: Problem, footprints: BodyFootprints) -> np.ndarray:

@@ -13,7 +13,7 @@ from bpy.app.handlers import persistent
 
 from ...engine.errors import EshError
 from ..solving import running
-from ..targets.target import is_result, members_of
+from ..targets.target import is_result
 from .assets import PRESET
 
 __all__ = ["add_preset", "attach", "detach", "take_dropped"]
@@ -85,11 +85,10 @@ def add_preset(
         EshError: It is no preset that can be applied. Nothing was added.
     """
     from .preset_files import parse_preset
-    from .presets import add_scatter_of_preset
-    from .selection import sources_in
+    from .presets import add_scatter_of_preset, selected_for_preset
 
     preset = parse_preset(text, name)
-    chosen = sources_in(context.selected_objects, members_of(ground))
+    chosen = selected_for_preset(context, ground)
     add_scatter_of_preset(context.scene.esh_scatter, preset, ground, chosen)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bpy
@@ -19,10 +20,20 @@ from ..targets.references import Reference
 
 if TYPE_CHECKING:
     from ...engine.problem.cover import Cover
+    from ...engine.problem.problem import Problem
     from ..api import ScatterJob
     from ..classes.survey import Survey
 
-__all__ = ["MOST_BODIES", "Forecast", "detach", "forecast", "known", "scale_counts_to_fit"]
+__all__ = [
+    "MOST_BODIES",
+    "Forecast",
+    "detach",
+    "forecast",
+    "known",
+    "problem_of",
+    "scale_counts",
+    "scale_counts_to_fit",
+]
 
 # Cells along the longer side of the chart: enough for a share of the ground.
 RESOLUTION = 192
@@ -74,7 +85,23 @@ def forecast(scatter: Any, scene: bpy.types.Scene) -> Cover | None:
     return _cover(_read(scatter, scene))
 
 
-def _read(scatter: Any, scene: bpy.types.Scene) -> ScatterJob | None:
+def problem_of(scatter: Any, scene: bpy.types.Scene, **changes: Any) -> Problem | None:
+    """Return what the sampler would be asked for a scatter, on a coarse chart; None where nothing can be said of it.
+
+    ``changes`` are settings that are otherwise than the scatter's.
+    """
+    _end()
+    job = _read(scatter, scene, **changes)
+    try:
+        if job is not None:
+            job.prepare()
+    except EshError:
+        # The run will say it.
+        return None
+    return None if job is None else job.problem
+
+
+def _read(scatter: Any, scene: bpy.types.Scene, **changes: Any) -> ScatterJob | None:
     """Read a scatter from Blender; None where nothing can be said of it."""
     from ..api import ScatterJob
     from ..classes.survey import Survey
@@ -87,7 +114,9 @@ def _read(scatter: Any, scene: bpy.types.Scene) -> ScatterJob | None:
     positional, named = scatter.arguments(scene)
     _survey = _survey or Survey(RESOLUTION)
     try:
-        return ScatterJob(*positional, **{**named, "device": "cpu", "result": None}, survey=_survey, prepare=False)
+        return ScatterJob(
+            *positional, **{**named, **changes, "device": "cpu", "result": None}, survey=_survey, prepare=False
+        )
     except EshError:
         # The run will say it.
         return None
@@ -149,8 +178,7 @@ def scale_counts_to_fit(scatter: Any, scene: bpy.types.Scene) -> float:
         if cover is None or not cover.too_much:
             break
         factor = MARGIN * cover.fits / cover.covered
-        for body_class in scatter.ready_classes():
-            _scale(body_class, factor)
+        scale_counts(scatter.ready_classes(), factor)
         whole *= factor
     return whole
 
@@ -165,19 +193,27 @@ def detach() -> None:
     _survey, _asked = None, None
 
 
-def _scale(body_class: Any, factor: float) -> None:
+def scale_counts(classes: Iterable[Any], factor: float) -> list[tuple[Any, str, Any]]:
+    """Scale how many objects classes have, in whatever way that is given; return whose what was how before."""
+    changed = []
+    for body_class in classes if factor != 1.0 else ():
+        for group, name, value in _scaled(body_class, factor):
+            changed.append((group, name, getattr(group, name)))
+            setattr(group, name, value)
+    return changed
+
+
+def _scaled(body_class: Any, factor: float) -> list[tuple[Any, str, Any]]:
+    """Return what says how many objects a class has, and what it is scaled: whose, its name, its value."""
     kind = body_class.count_kind
     if kind == "SIZES":
-        for size in body_class.sizes:
-            size.count = max(1, math.floor(size.count * factor))
-    elif kind == "TOTAL":
-        body_class.total = max(len(body_class.sizes), math.floor(body_class.total * factor))
-    elif kind == "PER_AREA":
-        body_class.per_area *= factor
-    elif kind == "DISTANCE":
-        body_class.distance /= math.sqrt(factor)
-    elif kind == "SHARE":
-        body_class.cover_share *= factor
+        return [(size, "count", max(1, math.floor(size.count * factor))) for size in body_class.sizes]
+    if kind == "TOTAL":
+        return [(body_class, "total", max(len(body_class.sizes), math.floor(body_class.total * factor)))]
+    if kind == "DISTANCE":
+        return [(body_class, "distance", body_class.distance / math.sqrt(factor))]
+    name = {"PER_AREA": "per_area", "SHARE": "cover_share"}.get(kind)
+    return [] if name is None else [(body_class, name, factor * getattr(body_class, name))]
 
 
 def _work() -> float | None:

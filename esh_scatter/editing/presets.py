@@ -7,19 +7,27 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import bpy
+from mathutils import Matrix
 
 from ...engine.errors import EshError, ProblemError
 from ...engine.problem.validation import show
 from ..classes.stand_ins import stand_in
 from ..densities.density_curve import curve_node
+from ..targets.target import members_of
+from . import forecast
 from .amount_ahead import area_of
+from .selection import measure, sources_in
 
-__all__ = ["add_scatter_of_preset", "apply_preset", "preset_of"]
+__all__ = ["add_scatter_of_preset", "apply_preset", "preset_of", "selected_for_preset"]
 
 # At most so many objects of a class: small ones that somebody has chosen could be without end.
 MOST = 20_000
 # What others cover leaves at least the rest of the ground: their objects may lie on each other.
 MOST_TAKEN = 0.9
+# Shapes that stand in for objects become smaller, step by step, until this share of the free ground has room for them.
+ENOUGH, STEP, SMALLEST = 0.5, 0.8, 0.15
+# Part of its room that a class asks for: others go there, too.
+SHARED = 0.9
 # Seconds and settings of one's own machine are no part of a preset.
 _NOT_OF_SCATTERS = {"name", "device", "class_index", "points_above", "cap"}
 _NOT_OF_CLASSES = {"name", "color", "mute", "show_viewport", "show_render", "size_index", "layer_index", "may_overlap"}
@@ -48,8 +56,10 @@ def add_scatter_of_preset(
     scatter = settings.add_scatter(ground)
     try:
         scatter.name = str(preset.get("name") or scatter.name)
-        free = (1.0 - _share_taken(scatter)) * sum(map(area_of, scatter.targets))
-        apply_preset(scatter, preset, max(free, 1e-6), chosen)
+        free = 1.0 - _share_taken(scatter)
+        apply_preset(scatter, preset, max(free * sum(map(area_of, scatter.targets)), 1e-6), chosen)
+        if scatter.other_results():
+            _fit_beside_others(scatter, len(chosen))
     except EshError:
         settings.scatters.remove(len(settings.scatters) - 1)
         settings.scatter_index = before
@@ -57,11 +67,48 @@ def add_scatter_of_preset(
     return scatter
 
 
+def selected_for_preset(
+    context: bpy.types.Context, ground: bpy.types.Object | bpy.types.Collection
+) -> list[bpy.types.Object]:
+    """Return the selected objects that take the places of a preset's classes.
+
+    Those that are scattered on that ground already do not: they are often still selected from when they were.
+    """
+    members = members_of(ground)
+    scatters = (one for one in context.scene.esh_scatter.scatters if set(one.targets) & set(members))
+    placed = {size.source for one in scatters for body_class in one.classes for size in body_class.sizes}
+    return [item for item in sources_in(context.selected_objects, members) if item not in placed]
+
+
 def _share_taken(scatter: Any) -> float:
     """Return the share of the ground that others before a scatter cover, and that it makes room for."""
     results = scatter.other_results()
     others = (other for other in scatter.id_data.esh_scatter.scatters if other.result in results)
     return min(sum(other.report["covered"] for other in others if other.report), MOST_TAKEN)
+
+
+def _fit_beside_others(scatter: Any, chosen: int) -> None:
+    """Have the classes of a preset, which reckon with all ground that is free, ask for what finds room between others.
+
+    Between trees there is room for gravel everywhere, and for boulders only where it is wide. Shapes that stand in for objects become
+    smaller where there is hardly any for them; the first ``chosen`` classes place objects of somebody's own, which do not.
+    """
+    from ...engine.problem.cover import share_with_room
+
+    # Without room for one of the classes there would be no problem: where their middles may be is all that is asked here.
+    problem = forecast.problem_of(scatter, scatter.id_data, avoid_overlap=False)
+    if problem is None or not scatter.avoid_overlap:
+        return
+    for number, body_class in enumerate(scatter.ready_classes()):
+        scale, room = 1.0, share_with_room(problem, number)
+        while number >= chosen and room < ENOUGH and scale > SMALLEST:
+            scale *= STEP
+            room = share_with_room(problem, number, scale)
+        if scale < 1.0:
+            for size in body_class.sizes:
+                size.source_object.data.transform(Matrix.Scale(scale, 4))
+        forecast.scale_counts([body_class], SHARED * room)
+    forecast.scale_counts_to_fit(scatter, scatter.id_data)
 
 
 def apply_preset(
@@ -116,19 +163,14 @@ def _fill(body_class: Any, one: Mapping[str, Any], ground: float, source: bpy.ty
         else:
             size.source_object = source
         size.source_kind = "OBJECT"
+    # What takes no ground, the run will say.
+    measured = [] if source is None else measure([source], bpy.context)[0]
+    if measured:
+        body_class.stand_on = measured[0].stand_on
     if cover and body_class.count_kind == "SIZES":
         if source is not None:
-            count = _count_of(source, cover * ground)
+            count = min(MOST, math.ceil(cover * ground / measured[0].area)) if measured else 1
         body_class.sizes[0].count = max(1, round(count))
-
-
-def _count_of(source: bpy.types.Object, covered: float) -> int:
-    from ..classes.object_outline import measure_footprint
-
-    try:
-        return min(MOST, math.ceil(covered / measure_footprint(source).area))
-    except EshError:  # it takes no ground, which the run will say
-        return 1
 
 
 def _add_layer(body_class: Any, values: Mapping[str, Any], ground: float, where: str) -> None:

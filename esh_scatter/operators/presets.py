@@ -12,7 +12,6 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from ...engine.errors import EshError
 from ..properties.scene import selected_scatter
-from ..targets.target import members_of
 from .edit import Edit, ground_in, sentence
 
 __all__ = ["CLASSES"]
@@ -27,12 +26,11 @@ class _Preset(Edit):
 
     def _apply(self, context: bpy.types.Context, path: str) -> set[str]:
         from ..editing.preset_files import read_preset
-        from ..editing.presets import add_scatter_of_preset
-        from ..editing.selection import sources_in
+        from ..editing.presets import add_scatter_of_preset, selected_for_preset
 
         ground = ground_in(context)
         assert ground is not None
-        chosen = sources_in(context.selected_objects, members_of(ground))
+        chosen = selected_for_preset(context, ground)
         try:
             add_scatter_of_preset(context.scene.esh_scatter, read_preset(path), ground, chosen)
         except EshError as error:
@@ -42,7 +40,7 @@ class _Preset(Edit):
 
 
 class ESH_OT_preset_apply(_Preset):
-    """Add a scatter with the settings of a preset on the ground. Selected objects take the places of its classes, in the order of their names; simple shapes stand in for the rest"""  # noqa: E501
+    """Add a scatter with the settings of a preset on the ground. Selected objects that are not scattered there yet take the places of its classes, in the order of their names; simple shapes stand in for the rest"""  # noqa: E501
 
     bl_idname = "esh.preset_apply"
     bl_label = "Apply Preset"

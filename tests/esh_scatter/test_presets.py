@@ -86,6 +86,40 @@ def test_selected_objects_take_the_places_of_the_classes(ground):
     assert third.sizes[0].source_object.name.startswith("Bush")
 
 
+def test_what_is_scattered_there_already_takes_no_place_although_it_is_still_selected(ground):
+    tree, stone = new_object("A tree", 2.0), new_object("B stone", 1.0)
+    for item in (tree, ground):
+        item.select_set(True)
+    bpy.context.view_layer.objects.active = ground
+    bpy.context.view_layer.update()
+    bpy.ops.esh.scatter_selection(most=20)
+    stone.select_set(True)
+    bpy.ops.esh.preset_apply(filepath=str(BUILT_IN / "pebbles.json"))
+    first, second, _ = bpy.context.scene.esh_scatter.active.classes
+    assert first.sizes[0].source_object == stone
+    assert second.sizes[0].source_object.name.startswith("Pebble")
+
+
+def test_a_preset_asks_for_what_fits_between_what_stands_there(ground):
+    tree = new_object("Tree", 1.2)
+    for item in (tree, ground):
+        item.select_set(True)
+    bpy.context.view_layer.objects.active = ground
+    bpy.context.view_layer.update()
+    bpy.ops.esh.scatter_selection(cover=0.35)
+    bpy.ops.esh.preset_apply(filepath=str(BUILT_IN / "pebbles.json"))
+    scatter = bpy.context.scene.esh_scatter.active
+    scatter.device = "CPU"
+    large, pebble, gravel = scatter.classes
+    widths = [one.sizes[0].source_object.dimensions.x for one in scatter.classes]
+    assert widths[0] > widths[1] > widths[2] and widths[0] < 1.5, "stones are as large as the gaps"
+    assert large.count < 0.7 * 60 and pebble.count > 0.6 * 340 and gravel.count > 0.75 * 1500, (
+        "between trees there is room for gravel, not for boulders"
+    )
+    bpy.ops.esh.scatter()
+    assert scatter.report["overlaps"] == scatter.report["in_obstacles"] == 0
+
+
 def test_a_scatter_that_is_exported_comes_back(ground, tmp_path):
     scatter = bpy.context.scene.esh_scatter.add_scatter(ground)
     scatter.name, scatter.class_separation, scatter.device = "Rocks", 0.25, "CPU"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from esh.engine.errors import ProblemError
 from esh.engine.problem.body_class import BodyClass
-from esh.engine.problem.cover import cover_of
+from esh.engine.problem.cover import cover_of, share_with_room
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.fixed_bodies import FixedBodies
 from esh.engine.problem.footprint import Footprint
@@ -201,6 +201,20 @@ def test_fixed_bodies_that_leave_no_ground_are_a_sentence():
         ProblemError, match=r'class "a" is "cover", but its fixed bodies take the 2\d\d m² that it can cover'
     ):
         beside(np.random.default_rng(1).random((300, 2)) * 20.0)
+
+
+def test_large_bodies_have_less_room_between_obstacles_than_small_ones():
+    # Lanes between walls of 1 m: one of 1 m, one of 3 m, one of 12 m.
+    walls = [Obstacle(polygon=[(x, 0.0), (x + 1.0, 0.0), (x + 1.0, 20.0), (x, 20.0)]) for x in (0.0, 2.0, 6.0, 19.0)]
+    sizes = [[Size("s", count=9, footprint=Footprint.disc(radius))] for radius in (0.2, 1.0, 3.0, 7.0)]
+    classes = [BodyClass(str(number), size) for number, size in enumerate(sizes)]
+    problem = Problem(Domain((20.0, 20.0)), classes, avoid_overlap=True, obstacles=walls)
+    # As widths of lanes; in the last one large discs leave the corners.
+    room = [16.0 * share_with_room(problem, number) for number in range(4)]
+    assert room[:3] == pytest.approx([16.0, 15.0, 12.0 - (4.0 - np.pi) * 9.0 / 20.0], abs=0.4) and room[3] == 0.0
+    assert 16.0 * share_with_room(problem, 2, 1.0 / 3.0) == pytest.approx(15.0, abs=0.4)
+    free = Problem(Domain((20.0, 20.0)), [BodyClass("a", sizes[0], np.eye(2))], avoid_overlap=True)
+    assert share_with_room(free, 0) == 1.0
 
 
 @pytest.mark.parametrize(("side", "most"), [(5.0, 16), (7.0, 34), (10.0, 73)])
