@@ -15,6 +15,7 @@ from ...engine.errors import EshError, ProblemError
 from ...engine.problem.scatter_settings import ScatterSettings
 from ...engine.problem.settings import settings_of
 from ..editing.amount_ahead import bodies_ahead, question
+from ..editing.forecast import scale_counts
 from ..properties.described import property_of
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 __all__ = ["CLASSES", "ScatterObjects"]
 
 _SETTINGS = settings_of(ScatterSettings)
+# Modes in which what is painted or sculpted can be read, and results be written. What is edited, Edit Mode keeps to itself.
+_MODES = ("OBJECT", "SCULPT", "PAINT_TEXTURE", "PAINT_VERTEX", "PAINT_WEIGHT")
 
 
 def in_background() -> bool:
@@ -199,6 +202,18 @@ class ESH_OT_scatter(_Run):
     bl_idname = "esh.scatter"
     bl_label = "Scatter"
 
+    amount: FloatProperty(
+        name="Amount",
+        description="Factor on how many objects the classes have",
+        default=1.0,
+        min=0.001,
+        max=1000.0,
+        soft_min=0.1,
+        soft_max=4.0,
+        options={"SKIP_SAVE"},
+    )
+    seed: property_of(_SETTINGS["seed"], options={"SKIP_SAVE"})
+
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Say in the button's tooltip why it is gray."""
@@ -206,14 +221,33 @@ class ESH_OT_scatter(_Run):
             return False
         scatter = active_scatter(context)
         obstacle = scatter.obstacle(context.scene) if scatter else "Add a scatter first"
-        if context.mode != "OBJECT":
+        if context.mode not in _MODES:
             obstacle = "Switch to Object Mode first"
         if obstacle:
             cls.poll_message_set(obstacle)
         return not obstacle
 
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the panel of the last operation: the same again, with more or fewer, or otherwise."""
+        layout = self.layout
+        layout.use_property_split = True
+        for name in ("amount", "seed"):
+            layout.prop(self, name)
+
     def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
-        return selected_scatter(context)
+        scatter = selected_scatter(context)
+        if not self.properties.is_property_set("seed"):
+            # The panel of the last operation begins with it.
+            self.seed = scatter.seed
+        self._before = scale_counts(scatter.ready_classes(), self.amount)
+        if scatter.seed != self.seed:
+            self._before.append((scatter, "seed", scatter.seed))
+            scatter.seed = self.seed
+        return scatter
+
+    def _undo(self, _context: bpy.types.Context) -> None:
+        for group, name, value in self._before:
+            setattr(group, name, value)
 
 
 class ScatterObjects(_Run):

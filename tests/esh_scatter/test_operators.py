@@ -9,6 +9,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from esh.engine.errors import EshError  # noqa: E402
 from esh.esh_scatter import operators  # noqa: E402
 from esh.esh_scatter.operators.run import ESH_OT_scatter  # noqa: E402
 from esh.esh_scatter.solving import background_run, running  # noqa: E402
@@ -84,6 +85,35 @@ def test_the_report_is_kept_and_running_again_replaces_the_result(scatter):
     scatter.seed = 0
     bpy.ops.esh.scatter()
     assert positions(scatter.result) == first
+
+
+def test_the_panel_of_the_last_operation_has_more_or_fewer_of_all_and_another_seed(scatter):
+    scatter.classes[0].count_kind, scatter.classes[0].distance = "DISTANCE", 4.0
+    assert bpy.ops.esh.scatter(amount=0.5, seed=7) == {"FINISHED"}
+    assert scatter.classes[0].distance == pytest.approx(4.0 * 2.0**0.5)
+    assert scatter.classes[1].count == 25 and scatter.seed == 7 and not scatter.outdated
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    assert scatter.classes[1].count == 25 and scatter.seed == 7, "without a word it is what the sidebar shows"
+
+
+def test_a_run_that_is_refused_leaves_counts_and_seed_as_they_were(scatter, monkeypatch):
+    def fail(*_arguments, **_named):
+        raise EshError("it was refused")
+
+    monkeypatch.setattr("esh.esh_scatter.api.scatter", fail)
+    with pytest.raises(RuntimeError, match="It was refused"):
+        bpy.ops.esh.scatter(amount=3.0, seed=9)
+    assert [c.count for c in scatter.classes] == [30, 50] and scatter.seed == 0
+
+
+@pytest.mark.parametrize("mode", ["TEXTURE_PAINT", "WEIGHT_PAINT", "VERTEX_PAINT", "SCULPT"])
+def test_what_is_painted_or_sculpted_is_scattered_on_without_leaving_the_mode(scatter, mode):
+    bpy.context.view_layer.objects.active = scatter.target
+    bpy.ops.object.mode_set(mode=mode)
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    assert scatter.target.mode == mode and len(scatter.result.data.vertices) == 80 and not scatter.outdated
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert not bpy.ops.esh.scatter.poll(), "what Edit Mode holds cannot be read"
 
 
 def test_renaming_a_scatter_renames_its_result(scatter):
