@@ -53,6 +53,26 @@ class Standing(Settings):
             soft_high=0.25 * math.pi,
         ),
     )
+    stand_on: str = field(
+        default="origin",
+        metadata=setting(
+            "What of an object touches the ground",
+            choices=(
+                Choice(
+                    "origin",
+                    "Origin",
+                    "The object's origin: what is below it is in the ground, such as roots",
+                    "ORIGIN",
+                ),
+                Choice(
+                    "lowest",
+                    "Lowest Point",
+                    "The lowest point of its mesh, for objects whose origin is in their middle",
+                    "LOWEST",
+                ),
+            ),
+        ),
+    )
     offset: float = field(
         default=0.0,
         metadata=setting(

@@ -33,6 +33,7 @@ class Outline:
         angle: Direction of the longer side [rad], counter-clockwise from x.
         center: Middle of that rectangle, from the object's origin [m].
         corners: Corners of its convex hull, from the object's origin [m], counter-clockwise, shape ``[k, 2]``.
+        lowest: Height of its lowest point above the object's origin [m].
     """
 
     area: float
@@ -41,6 +42,7 @@ class Outline:
     angle: float
     center: tuple[float, float]
     corners: tuple[tuple[float, float], ...] = ()
+    lowest: float = 0.0
 
     @property
     def is_long(self) -> bool:
@@ -72,6 +74,7 @@ class Outline:
             self.angle,
             (factor * x, factor * y),
             corners,
+            factor * self.lowest,
         )
 
 
@@ -107,11 +110,13 @@ def outline_from_above(mesh: TriangleMesh) -> Outline:
         [along[:, best].min() + along[:, best].max(), across[:, best].min() + across[:, best].max()]
     )
     center = middle[0] * axis + middle[1] * np.array([-axis[1], axis[0]])
+    used = mesh.position[np.unique(mesh.triangle)]
     return Outline(
         area,
         float(extent[0, best]),
         float(extent[1, best]),
         float(angle[best]),
         (float(center[0]), float(center[1])),
-        tuple(map(tuple, convex_hull(mesh.position[np.unique(mesh.triangle), :2]).tolist())),
+        tuple(map(tuple, convex_hull(used[:, :2]).tolist())),
+        float(used[:, 2].min()),
     )

@@ -141,7 +141,7 @@ class SourceReader:
         self._meshes: dict[int, TriangleMesh | ProblemError] = {}
 
     def read(self, size: ScatterSize, key: str) -> SizeSource:
-        """Read the meshes of what a size places, as far as their outlines are needed.
+        """Read the meshes of what a size places.
 
         Args:
             size: What is asked.
@@ -155,8 +155,7 @@ class SourceReader:
         if size.line is not None and not isinstance(size.line, (bool, Line)):
             raise ProblemError(f"`line` of {key} must be true, false, a Line or None; got {show(size.line)}")
         weights = _weights(size, members, key)
-        measured = area is None or isinstance(area, tuple) or size.line is not False
-        meshes = tuple(self._mesh(member, key) if measured else None for member in members)
+        meshes = tuple(self._mesh(member, key) for member in members)
         return SizeSource(key, tuple(self._number(member) for member in members), area, meshes, weights)
 
     def _mesh(self, member: bpy.types.Object | bpy.types.Collection, key: str) -> TriangleMesh | ProblemError:
@@ -251,6 +250,11 @@ def _footprint(outline: Outline, long: bool) -> Footprint:
 def standing_on(outline: Outline, long: bool) -> tuple[float, float]:
     """Return what of an object stands on its point, from its origin [m]: of a long one its middle."""
     return outline.center if long else outline.foot
+
+
+def lowest_points(shape: SizeShape, scale: float) -> list[float]:
+    """Return how high the lowest points of a size's objects are above their origins [m]: of each before its class's scale."""
+    return [0.0 if outline is None else outline.lowest / scale for outline in shape.outlines]
 
 
 def variant_footprints(shape: SizeShape) -> list[Footprint]:

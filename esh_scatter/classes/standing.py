@@ -16,8 +16,10 @@ from ...engine.problem.scatter_settings import Standing
 from ...engine.problem.slopes import LEVEL, lengthened, slope_of_normal, tilts
 from ...engine.surface.instances import body_rotations, rotate
 
-__all__ = ["Ground", "Stand", "draw", "stand", "turns_towards"]
+__all__ = ["LOWEST", "Ground", "Stand", "draw", "stand", "turns_towards"]
 
+# What touches the ground where it is not the origin.
+LOWEST = "lowest"
 # Where the normal points up by less than this, the ground is a wall.
 STEEPEST = 0.3
 
@@ -38,6 +40,7 @@ class Ground:
         laid: Whether the heading of a long object is the turn about its own axis all the same, as on a whole surface, which is not
             seen from above, shape ``[n]``, bool.
         looks: Whether it looks somewhere, so that its heading is its whole turn, shape ``[n]``, bool.
+        lowest: Height of the lowest point of an object at scale 1 above its origin [m], shape ``[n]``, float32.
     """
 
     identity: np.ndarray
@@ -49,6 +52,7 @@ class Ground:
     axis: np.ndarray
     laid: np.ndarray
     looks: np.ndarray
+    lowest: np.ndarray
 
     def part(self, chosen: np.ndarray) -> Ground:
         """Return some of the points."""
@@ -142,4 +146,7 @@ def stand(standing: Standing, ground: Ground, seed: int) -> Stand:
         middle = np.zeros((len(moved), 3))
         middle[:, :2] = scale[moved, None] * ground.middle[moved]
         to_origin[moved] -= _onto_ground(rotate(rotation[moved], middle), ground.part(moved))
+    if standing.stand_on == LOWEST and ground.lowest.any():
+        up = rotate(rotation, np.broadcast_to([0.0, 0.0, 1.0], ground.normal.shape))
+        to_origin -= (scale * ground.lowest)[:, None] * up
     return Stand(rotation.astype(np.float32), scale, to_origin.astype(np.float32))

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Measured", "SelectionSurvey", "add_classes", "measure", "pleasant_counts", "sources_in"]
 
+# An object of which more than this share is below its origin has it in its middle, as new shapes have, and not at its foot.
+BELOW_ORIGIN = 0.35
 # What has a footprint: others, such as lights and cameras, are passed over.
 SCATTERED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
@@ -36,11 +38,13 @@ class Measured(NamedTuple):
         item: The object or the collection.
         area: Ground that one takes [m²].
         upright: Whether it is taller than it is wide, as a tree is and a plank is not.
+        stand_on: What of it touches the ground: its lowest point where its origin is in the middle of it, or else the origin.
     """
 
     item: bpy.types.Object | bpy.types.Collection
     area: float
     upright: bool
+    stand_on: str
 
 
 def sources_in(candidates: Iterable[bpy.types.Object], targets: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:
@@ -68,7 +72,7 @@ def measure(
             flat.append(item.name)
             continue
         upright = _height(item, mesh) > max(footprint.length, footprint.width)
-        measured.append(Measured(item, footprint.area, upright))
+        measured.append(Measured(item, footprint.area, upright, _stand_on(mesh)))
     return measured, flat
 
 
@@ -120,10 +124,11 @@ class SelectionSurvey:
     def measured(self) -> tuple[list[Measured], list[str]]:
         """Return what :func:`measure` does; of what is still there."""
         found, flat = [], []
-        for (reference, height, _), outline in zip(self._items, self._outlines, strict=True):
+        for (reference, height, mesh), outline in zip(self._items, self._outlines, strict=True):
             item = reference.find()
-            if item is not None and outline is not None:
-                found.append(Measured(item, outline.area, height > max(outline.length, outline.width)))
+            if item is not None and mesh is not None and outline is not None:
+                upright = height > max(outline.length, outline.width)
+                found.append(Measured(item, outline.area, upright, _stand_on(mesh)))
             elif item is not None:
                 flat.append(item.name)
         return found, flat
@@ -143,6 +148,12 @@ def _read(
 def _height(item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh) -> float:
     """Return how high something is [m]: an object as it lies in its own axes, a collection as it stands."""
     return float(item.dimensions.z if isinstance(item, bpy.types.Object) else np.ptp(mesh.position[:, 2]))
+
+
+def _stand_on(mesh: TriangleMesh) -> str:
+    """Return what of an object touches the ground, as a class has it: what is not far below the origin is meant to be in it."""
+    low, high = float(mesh.position[:, 2].min()), float(mesh.position[:, 2].max())
+    return "LOWEST" if -low > BELOW_ORIGIN * (high - low) else "ORIGIN"
 
 
 def pleasant_counts(areas: Sequence[float], ground: float, cover: float, most: int) -> list[int]:
@@ -183,5 +194,6 @@ def add_classes(scatter: ESH_PG_scatter, measured: Sequence[Measured], counts: S
             size.source_kind, size.source_object = "OBJECT", one.item
         # Trees stand upright; what lies, lies on the slope.
         body_class.align_to_normal = 0.0 if one.upright else 1.0
+        body_class.stand_on = one.stand_on
         made.append(body_class)
     return made

@@ -58,6 +58,7 @@ def choose_variants_anew(variant: PropertyGroup, _context: object) -> None:
     found, number = _points_of_class(body_class), _number_of(size)
     if found is not None and choose_anew(found[0], (found[1], number), *size.choices()):
         scatter_of(body_class).remember_variants(body_class, number)
+        _stand_on_lowest(body_class)
         _go_on(body_class)
 
 
@@ -75,7 +76,14 @@ def place_others(size: PropertyGroup, _context: object) -> None:
         if kept_variants.choose_anew(result, where, *size.choices()):
             scatter.remember_variants(body_class, where[1])
         scatter.remember_sources(body_class, where[1])
+        _stand_on_lowest(body_class)
         _go_on(body_class)
+
+
+def _stand_on_lowest(body_class: PropertyGroup) -> None:
+    """Have others stand on their lowest points, where the class does: how high these are differs."""
+    if body_class.stand_on == "LOWEST":
+        stand_class_anew(body_class, None)
 
 
 def _part_of(item: PropertyGroup, within: str) -> PropertyGroup:

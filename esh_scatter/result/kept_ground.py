@@ -29,6 +29,7 @@ __all__ = [
     "BODY_LENGTH",
     "CLASSES_OF_POINTS",
     "FIT",
+    "LOWEST_POINTS",
     "NORMAL",
     "PINNED",
     "PLACED_AT",
@@ -51,6 +52,8 @@ __all__ = [
 # Custom properties of a result's mesh: the seed of its random numbers, and which of the sidebar's classes its points belong to.
 SEED = "esh_scatter_seed"
 CLASSES_OF_POINTS = "esh_scatter_classes"
+# Another one: how high above their origins the lowest points of the objects that it shows are, by their numbers [m].
+LOWEST_POINTS = "esh_scatter_lowest"
 # How the placement has a body lie, and how long its axis is, where that is known: from here a run can go on.
 BODY_ANGLE, BODY_LENGTH = "body_angle", "body_length"
 # Attribute of a result's points: those that stay in the next run.
@@ -119,6 +122,7 @@ def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing, 
         middle[:, 2],
         read_attribute(mesh, _LAID) if _LAID in mesh.attributes else np.zeros(count, bool),
         read_attribute(mesh, _LOOKS) if _LOOKS in mesh.attributes else np.zeros(count, bool),
+        _lowest_points(mesh),
     ).part(own)
     new = stand(standing, ground, int(mesh[SEED]))
     to_origin, position = read_attribute(mesh, TO_ORIGIN), read_attribute(mesh, "position")
@@ -137,6 +141,17 @@ def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing, 
         align[own] = standing.align_to_normal
         write_attribute(mesh, ALIGN, align)
     mesh.update()
+
+
+def _lowest_points(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Return how high the lowest points of what stands on points are above its origin [m], shape ``[n]``; 0 in older results."""
+    if LOWEST_POINTS not in mesh:
+        return np.zeros(len(mesh.vertices), np.float32)
+    index = read_attribute(mesh, INSTANCE_INDEX)
+    known = np.array(list(mesh[LOWEST_POINTS]), np.float32)
+    table = np.zeros(max(len(known), int(index.max(initial=-1)) + 1), np.float32)
+    table[: len(known)] = known
+    return table[index]
 
 
 def _look_anew(result: bpy.types.Object, own: np.ndarray, standing: Standing, look_at: LookAt | None) -> None:

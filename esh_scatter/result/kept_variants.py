@@ -12,12 +12,12 @@ import numpy as np
 from ...engine.errors import ProblemError
 from ...engine.surface.mesh_outline import Outline
 from ..classes.scatter_class import ScatterSize
-from ..classes.sources import SizeShape, SourceReader, measure_size, variants_of
+from ..classes.sources import SizeShape, SourceReader, lowest_points, measure_size, variants_of
 from ..classes.survey import Survey
-from .kept_ground import PINNED, SEED, read_attribute, write_attribute
+from .kept_ground import LOWEST_POINTS, PINNED, SEED, read_attribute, write_attribute
 from .node_group import INSTANCE_INDEX, placing_inputs
 
-__all__ = ["VARIANTS", "choose_anew", "place_others", "variants_told"]
+__all__ = ["VARIANTS", "choose_anew", "lowest_told", "place_others", "variants_told"]
 
 # Custom property of a result's mesh: of every size what it places, and what ground that covers, as JSON.
 VARIANTS = "esh_scatter_variants"
@@ -29,6 +29,14 @@ ALIKE = 2e-3
 def variants_told(shapes: Sequence[SizeShape]) -> str:
     """Return what a result keeps of the sizes of its classes, one after the other."""
     return json.dumps([{"objects": list(shape.objects), **_ground_of(shape)} for shape in shapes])
+
+
+def lowest_told(shapes: Sequence[SizeShape], scales: Sequence[float]) -> list[float]:
+    """Return what a result keeps of its objects' lowest points [m], by their numbers; ``scales`` are those of the sizes' classes."""
+    found: dict[int, float] = {}
+    for shape, scale in zip(shapes, scales, strict=True):
+        found |= dict(zip(shape.objects, lowest_points(shape, scale), strict=True))
+    return [found.get(number, 0.0) for number in range(max(found, default=-1) + 1)]
 
 
 def _ground_of(shape: SizeShape) -> dict[str, Any]:
@@ -144,4 +152,10 @@ def place_others(
         return False
     for socket, item in zip(changed, placed, strict=True):
         socket.default_value = item
+    lowest = list(result.data.get(LOWEST_POINTS, ()))
+    for number, value in zip(kept["objects"], lowest_points(shape, scale), strict=True):
+        if number < len(lowest):
+            lowest[number] = value
+    if lowest:
+        result.data[LOWEST_POINTS] = lowest
     return True

@@ -19,7 +19,7 @@ from ...engine.surface.surface_points import SurfacePoints
 from ...engine.surface.whole_surface import WholeSurface
 from ..classes.on_whole_surface import headings
 from ..classes.scatter_class import ScatterClass, color_of, standing_of
-from ..classes.sources import SizeShape, standing_on, variants_of
+from ..classes.sources import SizeShape, lowest_points, standing_on, variants_of
 from ..classes.standing import Ground, draw, stand, turns_towards
 from ..targets.targets import stuck_attributes
 from .following import follow_attributes
@@ -87,6 +87,7 @@ def result_points(
             if size.outlined and isinstance(chart, Chart):
                 _take_known_normals(ground, size, placement, chart, own)
             _fit(ground, size, placement, own, variant)
+            ground.lowest[own] = np.array(lowest_points(shape, size.standing.scale), np.float32)[variant]
             _put_onto(ground, size, own, variant)
             if size.look is not None:
                 # Outlines were parted as they are turned, and what is pinned has the turn that it has.
@@ -139,6 +140,7 @@ def _ground(placement: Placement, surface: SurfacePoints, chart: Chart | WholeSu
         np.zeros(count, np.float32),
         np.full(count, isinstance(chart, WholeSurface)),
         np.zeros(count, bool),
+        np.zeros(count, np.float32),
     )
 
 

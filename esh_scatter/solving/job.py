@@ -39,8 +39,8 @@ from ..classes.survey import Survey
 from ..densities.density_source import Density, DensityReader, Known, attribute_names
 from ..densities.image_density import stored_density
 from ..result.following import followed
-from ..result.kept_ground import SEED, KeptPlaces
-from ..result.kept_variants import VARIANTS, variants_told
+from ..result.kept_ground import LOWEST_POINTS, SEED, KeptPlaces
+from ..result.kept_variants import VARIANTS, lowest_told, variants_told
 from ..result.pins import Pins, read_pins
 from ..result.result import CLASS_NAMES, find_result, write_result
 from ..result.result_points import ResultPoints, overlap_attributes, point_attributes, result_points
@@ -415,6 +415,8 @@ class ScatterJob:
         seed = self.settings.seed
         item.data[SEED] = seed if seed < 2**31 else str(seed)
         item.data[VARIANTS] = variants_told(self._shapes)
+        scales = [standing_of(c, self.settings).scale for c in self.classes for _ in c.sizes]
+        item.data[LOWEST_POINTS] = lowest_told(self._shapes, scales)
         return item, sources
 
 

@@ -6,6 +6,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter.editing import selection  # noqa: E402
+from mathutils import Matrix  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("empty_file")
 
@@ -54,6 +55,19 @@ def test_one_class_per_object_with_pleasant_counts_solved_and_shown(ground, obje
     assert covered == pytest.approx(0.25, rel=0.02)
     assert len(scatter.result.data.vertices) == sum(counts.values())
     assert not scatter.outdated and scatter.report["overlaps"] == 0
+
+
+@pytest.mark.parametrize(("below", "stand_on"), [(0.0, "ORIGIN"), (0.5, "ORIGIN"), (1.5, "LOWEST"), (-0.5, "ORIGIN")])
+def test_what_has_its_origin_in_its_middle_stands_on_its_lowest_point(ground, objects, below, stand_on):
+    tree = objects[0]
+    tree.data.transform(Matrix.Translation((0.0, 0.0, -below)))
+    select(tree, ground, active=ground)
+    bpy.ops.esh.scatter_selection()
+    scatter = bpy.context.scene.esh_scatter.active
+    assert scatter.classes[0].stand_on == stand_on, "roots are meant to be in the ground"
+    mesh = scatter.result.data
+    heights = {round(vertex.co.z, 4) for vertex in mesh.vertices}
+    assert heights == {below if stand_on == "LOWEST" else 0.0}
 
 
 def test_cover_most_mixing_and_seed_can_be_tuned(ground, objects):

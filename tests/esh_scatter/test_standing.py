@@ -12,6 +12,7 @@ import esh  # noqa: E402
 from esh.engine.surface.instances import body_rotations, rotate  # noqa: E402
 from esh.esh_scatter.classes.standing import Ground, stand  # noqa: E402
 from esh.esh_scatter.result import kept_ground  # noqa: E402
+from mathutils import Matrix  # noqa: E402
 
 UP = np.array([[0.0, 0.0, 1.0]])
 
@@ -30,6 +31,7 @@ def points(count, normal=(0.0, 0.0, 1.0), long=False):
         np.zeros(count, np.float32),
         np.zeros(count, bool),
         np.zeros(count, bool),
+        np.zeros(count, np.float32),
     )
 
 
@@ -140,6 +142,43 @@ def test_changed_at_once_a_class_stands_as_after_another_run(scatter, number):
     again = values(scatter.result)
     for name in NAMES:
         np.testing.assert_allclose(at_once[name], again[name], atol=2e-6, err_msg=name)
+
+
+@pytest.mark.parametrize("avoid_overlap", [False, True])
+def test_objects_whose_origin_is_in_their_middle_stand_on_their_lowest_point(scatter, avoid_overlap):
+    tree = scatter.classes["Tree"]
+    tree.sizes[0].source_object.data.transform(Matrix.Translation((-0.25, -0.25, -0.8)))
+    scatter.avoid_overlap, tree.scale = avoid_overlap, 1.5
+    bpy.ops.esh.scatter()
+    mesh = scatter.result.data
+    own = kept_ground.read_attribute(mesh, "class_index") == 0
+    before = values(scatter.result)
+    tree.stand_on = "LOWEST"
+    assert not scatter.outdated, "it needs no solving"
+    at_once = values(scatter.result)
+    up = axis(at_once["rotation"][own])
+    raised = at_once["position"][own] - before["position"][own]
+    np.testing.assert_allclose(raised, 0.8 * at_once["scale"][own] * up, atol=2e-6)
+    np.testing.assert_array_equal(at_once["position"][~own], before["position"][~own])
+    bpy.ops.esh.scatter()
+    again = values(scatter.result)
+    np.testing.assert_allclose(at_once["position"], again["position"], atol=2e-6)
+    tree.stand_on = "ORIGIN"
+    np.testing.assert_allclose(values(scatter.result)["position"], before["position"], atol=2e-6)
+
+
+def test_another_object_at_the_same_points_stands_on_its_own_lowest_point(scatter):
+    tree, other = scatter.classes["Tree"], box("Other", (0.5, 0.5, 2.0))
+    other.data.transform(Matrix.Translation((0.0, 0.0, -0.5)))
+    tree.stand_on = "LOWEST"
+    bpy.ops.esh.scatter()
+    own = kept_ground.read_attribute(scatter.result.data, "class_index") == 0
+    before = values(scatter.result)
+    tree.sizes[0].source_object = other
+    assert not scatter.outdated
+    now = values(scatter.result)
+    raised = now["position"][own] - before["position"][own]
+    np.testing.assert_allclose(raised, 0.5 * now["scale"][own] * axis(now["rotation"][own]), atol=2e-6)
 
 
 def test_outlines_that_are_kept_apart_are_solved_anew_for_another_turn_or_scale(scatter):
