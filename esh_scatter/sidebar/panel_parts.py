@@ -27,6 +27,8 @@ __all__ = [
 NARROW = 270
 # Characters of a property's name, and of its choice beside an icon, that fit into such a sidebar.
 LONGEST_NAME, LONGEST_CHOICE = 12, 11
+# In one as wide as Blender has it at first, names of so many characters do not fit either.
+WIDTH_AT_FIRST, LONGER_NAME = 300, 15
 
 
 class Panel:
@@ -77,16 +79,22 @@ def draw_property(
     """Draw a property; in a narrow sidebar over the whole width, where its name or its choice would be cut."""
     told = group.bl_rna.properties[name]
     if not is_narrow(context):
-        layout.prop(group, name, slider=slider)
+        cut = width_of(context) <= WIDTH_AT_FIRST and len(told.name) >= LONGER_NAME and told.type in ("INT", "FLOAT")
+        _draw_over_width(layout, group, name, slider, split=not cut)
     elif told.type == "ENUM":
         chosen = told.enum_items[getattr(group, name)].name
         layout.prop(group, name, **({"text": ""} if len(chosen) > LONGEST_CHOICE else {}))
-    elif len(told.name) >= LONGEST_NAME:
-        row = layout.row()
-        row.use_property_split = False
-        row.prop(group, name, slider=slider)
     else:
-        layout.prop(group, name, slider=slider)
+        _draw_over_width(layout, group, name, slider, split=len(told.name) < LONGEST_NAME)
+
+
+def _draw_over_width(
+    layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, name: str, slider: bool, *, split: bool
+) -> None:
+    """Draw a property with its name in a column of names, or within its field, which then takes the whole width."""
+    row = layout.row()
+    row.use_property_split = split
+    row.prop(group, name, slider=slider)
 
 
 def draw_image(column: bpy.types.UILayout, group: bpy.types.PropertyGroup, name: str) -> None:

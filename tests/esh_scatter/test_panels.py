@@ -347,14 +347,17 @@ def test_a_narrow_sidebar_cuts_no_names():
     body_class = ready_scatter().classes[0]
     body_class.count_kind = "PER_AREA"
     drawn = {}
-    for width in (250, 300):
+    for width in (250, 283, 320):
         Layout.width = width
         rows = []
-        for name in ("align_to_normal", "tilt", "count_kind", "direction_kind"):
+        for name in ("random_turn", "align_to_normal", "tilt", "count_kind", "direction_kind"):
             panel_parts.draw_property(shown_context(width), Named(rows), body_class, name)
         drawn[width] = dict(rows)
-    assert set(drawn[300].values()) == {"beside"}
+    assert set(drawn[320].values()) == {"beside"}
+    long = ("random_turn", "align_to_normal")
+    assert drawn[283] == drawn[320] | dict.fromkeys(long, "in its field"), "as wide as Blender has it at first"
     assert drawn[250] == {
+        "random_turn": "in its field",
         "align_to_normal": "in its field",
         "tilt": "beside",
         "count_kind": "nowhere",
