@@ -78,6 +78,10 @@ class ESH_OT_layer_move(MoveEntry):
     _entry, _missing = "layer", "Select a layer first"
 
 
+# What can be painted.
+PAINTED = ("IMAGE", "VERTEX_GROUP")
+
+
 class ESH_OT_layer_paint(ClassEdit):
     """Paint where the selected class stands. An image or a vertex group is created if there is none"""
 
@@ -88,7 +92,11 @@ class ESH_OT_layer_paint(ClassEdit):
         name="Paint",
         description="What is painted",
         items=(
-            ("SELECTED", "Selected Layer", "The image or the vertex group of the selected layer"),
+            (
+                "SELECTED",
+                "Selected Layer",
+                "The image or the vertex group of the selected layer; a new image where there is none",
+            ),
             ("IMAGE", "New Image", "A layer with an image of its own"),
             ("VERTEX_GROUP", "New Vertex Group", "A layer with a vertex group of its own"),
         ),
@@ -114,7 +122,9 @@ class ESH_OT_layer_paint(ClassEdit):
         layer = body_class.active_layer
         if self.kind != "SELECTED":
             layer = body_class.add_layer(self.kind)
-        elif layer is None or layer.kind not in ("IMAGE", "VERTEX_GROUP"):
+        elif not any(one.kind in PAINTED for one in body_class.layers):
+            layer = body_class.add_layer("IMAGE")
+        elif layer is None or layer.kind not in PAINTED:
             self.report({"ERROR"}, "Select a layer that follows an image or a vertex group, or paint a new one")
             return {"CANCELLED"}
         try:

@@ -126,12 +126,17 @@ class ESH_MT_object(bpy.types.Menu):
 
     bl_label = "ESH Scatter"
 
-    def draw(self, _context: bpy.types.Context) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw the menu."""
         layout = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
+        scatter = active_scatter(context)
+        updates = scatter is not None and scatter.result_in(context.scene) is not None
         for cls in operators.CLASSES:
-            if cls.bl_idname not in _ONLY_BUTTONS:
+            if cls.bl_idname == "esh.scatter" and updates:
+                # F3 finds it by the name that its button has.
+                layout.operator(cls.bl_idname, text="Update Scatter")
+            elif cls.bl_idname not in _ONLY_BUTTONS:
                 layout.operator(cls.bl_idname)
 
 

@@ -79,6 +79,7 @@ def test_painted_images_are_packed_when_the_file_is_saved(scatter, tmp_path):
 
 
 def test_why_nothing_can_be_painted_is_said(scatter):
+    scatter.active_class.add_layer("IMAGE")
     scatter.active_class.add_layer("NOISE")
     with pytest.raises(RuntimeError, match="Select a layer that follows an image or a vertex group"):
         bpy.ops.esh.layer_paint(kind="SELECTED")
@@ -87,3 +88,10 @@ def test_why_nothing_can_be_painted_is_said(scatter):
         bpy.ops.esh.layer_paint(kind="IMAGE")
     scatter.target = None
     assert not bpy.ops.esh.layer_paint.poll()
+
+
+def test_without_a_layer_that_can_be_painted_an_image_is_made(scatter):
+    body_class = scatter.active_class
+    body_class.add_layer("SLOPE")
+    assert bpy.ops.esh.layer_paint(resolution=16) == {"FINISHED"}
+    assert [layer.kind for layer in body_class.layers] == ["SLOPE", "IMAGE"] and scatter.target.mode == "TEXTURE_PAINT"
