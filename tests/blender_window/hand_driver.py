@@ -20,6 +20,8 @@ from window_steps import answer, take_screenshot
 LONGEST_RUN, LONGEST_WALK = 60.0, 200.0
 SIDE = 20.0
 PRESET = "Mushroom Clusters"
+# Where the fields of the panel of the last operation are, from the mouse that it is opened below, and how far apart [pixels].
+LAST_ACROSS, LAST_DOWN, LINE = 209, 51, 22
 # Where File is on the screen.
 FILE_MENU = (37, 15)
 OBJECTS = {
@@ -344,6 +346,69 @@ def undone_while_it_runs():
     take_screenshot("hand-24-undone.png")
 
 
+def by_keyboard():
+    """F3 finds what the buttons do by their names, and F9 changes what was done last: more or fewer, another seed."""
+    yield from hand.move(on_screen((0.0, 0.0, 0.0)))
+    yield from hand.search("scatter sel")
+    yield from hand.until(lambda: scatter() and scatter().report_json and idle(), LONGEST_RUN, "the first run")
+    yield 1.0
+    answer["found"] = [one.count for one in scatter().classes]
+    yield from _change_last("hand-40-last.png", 2, "60")
+    yield from hand.until(lambda: len(positions()) < 70, LONGEST_RUN, "the run with fewer")
+    answer["fewer"] = len(bpy.context.scene.esh_scatter.scatters), len(positions())
+    yield from hand.keys("Escape")
+    report = scatter().report_json
+    yield from hand.move(on_screen((0.0, 0.0, 0.0)))
+    yield from hand.search("update sca")
+    yield from hand.until(lambda: idle() and scatter().report_json != report, LONGEST_RUN, "the next run")
+    yield 1.0
+    yield from _change_last("hand-41-update.png", 1, "2")
+    yield from hand.until(lambda: len(positions()) > 100, LONGEST_RUN, "the run with twice as many")
+    answer["more"] = len(positions()), [one.count for one in scatter().classes], scatter().changes()
+    take_screenshot("hand-42-more.png")
+    yield from hand.keys("Escape")
+    yield from hand.move(on_screen((0.0, 0.0, 0.0)))
+    before = len(bpy.context.scene.objects)
+    yield from hand.search("make real")
+    yield 1.0
+    answer["real"] = len(bpy.context.scene.objects) - before
+    take_screenshot("hand-43-real.png")
+
+
+def _change_last(picture, line, text):
+    """Write a number into a line of the panel of the last operation, which F9 opens below the mouse."""
+    x, y = on_screen((0.0, 0.0, 0.0))
+    yield from hand.function_key(9)
+    yield 0.5
+    take_screenshot(picture)
+    yield from hand.click((x + LAST_ACROSS, y + LAST_DOWN + (line - 1) * LINE), times=2)
+    yield from hand.keys("ctrl+a")
+    yield from hand.write(text)
+    yield from hand.keys("Return")
+    yield 0.5
+
+
+def painted_without_live():
+    """What is painted is scattered by the button, without leaving the paint mode."""
+    yield from hand.move(on_screen((0.0, 0.0, 0.0)))
+    yield from hand.search("paint dens")
+    yield 2.0
+    answer["painting"] = bpy.context.mode
+    before, report = positions(), scatter().report_json
+    (x, y), (right, _) = on_screen((-8.0, 6.0, 0.0)), on_screen((8.0, 6.0, 0.0))
+    stroke = steps.drag([(x + k * (right - x) // 30, y) for k in range(31)], 2.0)
+    yield from hand.until(lambda: stroke.poll() is not None, 20.0, "the stroke")
+    yield 1.0
+    take_screenshot("hand-44-painted.png")
+    yield from hand.press("esh.scatter(")
+    yield from hand.until(lambda: idle() and scatter().report_json != report, LONGEST_RUN, "the run")
+    yield 1.0
+    own = values("class_index") == 0
+    answer["off_stroke"] = int((np.abs(positions()[own][:, 1] - 6.0) > 3.0).sum()), int(own.sum())
+    answer["painting_after"] = bpy.context.mode, len(before) == len(positions())
+    take_screenshot("hand-45-updated.png")
+
+
 def a_preset_on_top():
     """A preset is chosen from the menu with its pictures, by its first letters, and finds room between what is there."""
     yield from hand.move(steps.on_screen(200, 200))
@@ -435,6 +500,8 @@ WALKS = {
     "one scatter": (begin, obstacles, instances_by_hand, turned_and_let_go, display, real_objects, ends),
     "another scatter": (begin, another_scatter, overlaps, undone_while_it_runs),
     "handing on": (begin, a_preset_on_top, exported),
+    "by keyboard": (by_keyboard,),
+    "painting": (begin, painted_without_live),
 }
 steps.run(
     [

@@ -124,6 +124,26 @@ def test_an_artist_hands_a_scatter_on_with_mouse_and_keys(package: Path, tmp_pat
     assert has_usd == built_with_usd
 
 
+def test_an_artist_finds_everything_by_its_name_and_tunes_what_was_done_last(package: Path, tmp_path: Path):
+    answer = driven("hand_driver.py", package, tmp_path, "by keyboard")
+    if not answer["mouse"]:
+        pytest.skip("nothing moves the mouse: xdotool is missing")
+    scatters, fewer = answer["fewer"]
+    assert sum(answer["found"]) > 200 and scatters == 1 and abs(fewer - 60) <= 2
+    more, counts, changed = answer["more"]
+    assert more == sum(counts) == 2 * fewer and not changed
+    assert answer["real"] >= more
+
+
+def test_what_is_painted_is_scattered_by_the_button(package: Path, tmp_path: Path):
+    answer = driven("hand_driver.py", package, tmp_path, "painting")
+    if not answer["mouse"]:
+        pytest.skip("nothing moves the mouse: xdotool is missing")
+    assert answer["painting"] == "PAINT_TEXTURE" and answer["painting_after"] == ["PAINT_TEXTURE", True]
+    off, own = answer["off_stroke"]
+    assert off < 0.2 * own, "they stand on what was painted"
+
+
 def test_a_preset_that_is_dragged_onto_the_ground_is_scattered_there(package: Path, tmp_path: Path):
     answer = driven("drop_driver.py", package, tmp_path)
     if not answer["mouse"]:

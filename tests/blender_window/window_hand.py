@@ -58,6 +58,21 @@ def keys(*names):
         yield 0.25
 
 
+def function_key(number):
+    """Press F1 to F12, by the place on the keyboard: Blender does not hear xdotool's names of them."""
+    _do("key", 66 + number if number <= 10 else 84 + number)
+    yield CLICK
+
+
+def search(text):
+    """Find an entry of the menus by its name with F3, and choose it."""
+    yield from function_key(3)
+    yield 0.5
+    yield from write(text)
+    yield 0.5
+    yield from keys("Return")
+
+
 def write(text):
     """Type a text."""
     _do("type", "--delay", 60, text)
