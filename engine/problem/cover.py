@@ -17,7 +17,7 @@ from .problem import Problem
 from .surface import Surface
 from .validation import check_is
 
-__all__ = ["Cover", "cover_of", "share_with_room"]
+__all__ = ["Cover", "Room", "cover_of"]
 
 # Cells along the longer side of the domain in which what is asked for is compared with what fits; fewer where bodies are large.
 CELLS = 128
@@ -117,29 +117,42 @@ def _share_beside_obstacles(problem: Problem, domain: Domain, mean_area: float) 
     return float(free[~beside].sum() / max(float(free.sum()), 1e-300))
 
 
-def share_with_room(problem: Problem, class_index: int, scale: float = 1.0) -> float:
-    """Part of the free ground of a class (density above zero) where its bodies can lie: what discs as large can cover.
+class Room:
+    """How much of the free ground bodies have room on between obstacles, which is looked at once.
 
-    Large ones have less room than small ones: what is left between trees takes gravel everywhere, and boulders only where it is wide.
-    On a whole surface it is 1: nothing is known there.
-
-    Args:
-        problem: The problem.
-        class_index: Which class.
-        scale: Factor on how long and wide its bodies are.
+    Large ones have less than small ones: what is left between trees takes gravel everywhere, and boulders only where it is wide. On a
+    whole surface nothing is known of that.
     """
-    domain, one = problem.domain, problem.classes[class_index]
-    if not isinstance(domain, Domain) or not problem.obstacles:
-        return 1.0
-    areas = [size.mean_area for size in one.sizes]
-    radius = scale * float(disc_radius(float(np.average(areas, weights=[size.count or 1 for size in one.sizes]))))
-    shape = _pixels(domain, radius)
-    free = in_cells(one.density_image > 0.0, shape)
-    rows, columns = shape
-    pixel = (domain.size[0] / columns, domain.size[1] / rows)
-    middles = clearance(problem.obstacles, domain, shape, radius) >= radius
-    reached = distance_to(middles, pixel, radius + max(pixel), domain.periodic) <= radius
-    return float((free * reached).sum() / max(float(free.sum()), 1e-300))
+
+    def __init__(self, problem: Problem) -> None:
+        """Look at the obstacles of a problem."""
+        self._problem = problem
+        self._radius = [
+            float(disc_radius(np.average([s.mean_area for s in c.sizes], weights=[s.count or 1 for s in c.sizes])))
+            for c in problem.classes
+        ]
+        self._shape, self._clearance = (1, 1), np.zeros((1, 1), np.float32)
+        domain = problem.domain
+        if isinstance(domain, Domain) and problem.obstacles:
+            self._shape = _pixels(domain, min(self._radius))
+            self._clearance = clearance(problem.obstacles, domain, self._shape, 2.0 * max(self._radius))
+
+    def share(self, class_index: int, scale: float = 1.0) -> float:
+        """Part of the free ground of a class (density above zero) that discs as large as its bodies can cover.
+
+        Args:
+            class_index: Which class.
+            scale: Factor on how long and wide its bodies are, 2 at most.
+        """
+        domain, away = self._problem.domain, self._clearance
+        if not isinstance(domain, Domain) or not self._problem.obstacles:
+            return 1.0
+        radius = scale * self._radius[class_index]
+        free = in_cells(self._problem.classes[class_index].density_image > 0.0, self._shape)
+        rows, columns = self._shape
+        pixel = (domain.size[0] / columns, domain.size[1] / rows)
+        reached = distance_to(away >= radius, pixel, radius + max(pixel), domain.periodic) <= radius
+        return float((free * reached).sum() / max(float(free.sum()), 1e-300))
 
 
 def _pixels(domain: Domain, radius: float) -> tuple[int, int]:

@@ -28,6 +28,8 @@ MOST_TAKEN = 0.9
 ENOUGH, STEP, SMALLEST = 0.5, 0.8, 0.15
 # Part of its room that a class asks for: others go there, too.
 SHARED = 0.9
+# Share of the free ground that all classes of a preset together can cover for sure.
+SURE = 0.45
 # Seconds and settings of one's own machine are no part of a preset.
 _NOT_OF_SCATTERS = {"name", "device", "class_index", "points_above", "cap"}
 _NOT_OF_CLASSES = {"name", "color", "mute", "show_viewport", "show_render", "size_index", "layer_index", "may_overlap"}
@@ -56,10 +58,10 @@ def add_scatter_of_preset(
     scatter = settings.add_scatter(ground)
     try:
         scatter.name = str(preset.get("name") or scatter.name)
-        free = 1.0 - _share_taken(scatter)
-        apply_preset(scatter, preset, max(free * sum(map(area_of, scatter.targets)), 1e-6), chosen)
+        free = max((1.0 - _share_taken(scatter)) * sum(map(area_of, scatter.targets)), 1e-6)
+        apply_preset(scatter, preset, free, chosen)
         if scatter.other_results():
-            _fit_beside_others(scatter, len(chosen))
+            _fit_beside_others(scatter, free, chosen)
     except EshError:
         settings.scatters.remove(len(settings.scatters) - 1)
         settings.scatter_index = before
@@ -87,28 +89,34 @@ def _share_taken(scatter: Any) -> float:
     return min(sum(other.report["covered"] for other in others if other.report), MOST_TAKEN)
 
 
-def _fit_beside_others(scatter: Any, chosen: int) -> None:
-    """Have the classes of a preset, which reckon with all ground that is free, ask for what finds room between others.
+def _fit_beside_others(scatter: Any, free: float, chosen: Sequence[bpy.types.Object]) -> None:
+    """Have the classes of a preset, which reckon with all ground that is free [m²], ask for what finds room between others.
 
     Between trees there is room for gravel everywhere, and for boulders only where it is wide. Shapes that stand in for objects become
-    smaller where there is hardly any for them; the first ``chosen`` classes place objects of somebody's own, which do not.
+    smaller where there is hardly any for them; objects that somebody has ``chosen`` do not.
     """
-    from ...engine.problem.cover import share_with_room
+    from ...engine.problem.cover import Room
 
     # Without room for one of the classes there would be no problem: where their middles may be is all that is asked here.
     problem = forecast.problem_of(scatter, scatter.id_data, avoid_overlap=False)
     if problem is None or not scatter.avoid_overlap:
         return
+    between, asked = Room(problem), 0.0
     for number, body_class in enumerate(scatter.ready_classes()):
-        scale, room = 1.0, share_with_room(problem, number)
-        while number >= chosen and room < ENOUGH and scale > SMALLEST:
+        # Room for the largest of them.
+        largest = 1.0 + body_class.scale_jitter
+        scale, room = 1.0, between.share(number, largest)
+        while room < ENOUGH and scale > SMALLEST and body_class.sizes[0].source_object not in chosen:
             scale *= STEP
-            room = share_with_room(problem, number, scale)
+            room = between.share(number, scale * largest)
         if scale < 1.0:
             for size in body_class.sizes:
                 size.source_object.data.transform(Matrix.Scale(scale, 4))
         forecast.scale_counts([body_class], SHARED * room)
-    forecast.scale_counts_to_fit(scatter, scatter.id_data)
+        taken = sum((size.count or 0) * size.mean_area for size in problem.classes[number].sizes)
+        asked += SHARED * room * scale**2 * taken
+    if asked > SURE * free:
+        forecast.scale_counts_to_fit(scatter, scatter.id_data)
 
 
 def apply_preset(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from esh.engine.errors import ProblemError
 from esh.engine.problem.body_class import BodyClass
-from esh.engine.problem.cover import cover_of, share_with_room
+from esh.engine.problem.cover import Room, cover_of
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.fixed_bodies import FixedBodies
 from esh.engine.problem.footprint import Footprint
@@ -210,11 +210,12 @@ def test_large_bodies_have_less_room_between_obstacles_than_small_ones():
     classes = [BodyClass(str(number), size) for number, size in enumerate(sizes)]
     problem = Problem(Domain((20.0, 20.0)), classes, avoid_overlap=True, obstacles=walls)
     # As widths of lanes; in the last one large discs leave the corners.
-    room = [16.0 * share_with_room(problem, number) for number in range(4)]
+    between = Room(problem)
+    room = [16.0 * between.share(number) for number in range(4)]
     assert room[:3] == pytest.approx([16.0, 15.0, 12.0 - (4.0 - np.pi) * 9.0 / 20.0], abs=0.4) and room[3] == 0.0
-    assert 16.0 * share_with_room(problem, 2, 1.0 / 3.0) == pytest.approx(15.0, abs=0.4)
+    assert 16.0 * between.share(2, 1.0 / 3.0) == pytest.approx(15.0, abs=0.4)
     free = Problem(Domain((20.0, 20.0)), [BodyClass("a", sizes[0], np.eye(2))], avoid_overlap=True)
-    assert share_with_room(free, 0) == 1.0
+    assert Room(free).share(0) == 1.0
 
 
 @pytest.mark.parametrize(("side", "most"), [(5.0, 16), (7.0, 34), (10.0, 73)])
