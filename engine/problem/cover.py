@@ -128,7 +128,9 @@ class Room:
         """Look at the obstacles of a problem."""
         self._problem = problem
         self._radius = [
-            float(disc_radius(np.average([s.mean_area for s in c.sizes], weights=[s.count or 1 for s in c.sizes])))
+            float(
+                disc_radius(float(np.average([s.mean_area for s in c.sizes], weights=[s.count or 1 for s in c.sizes])))
+            )
             for c in problem.classes
         ]
         self._shape, self._clearance = (1, 1), np.zeros((1, 1), np.float32)
