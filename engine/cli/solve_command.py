@@ -62,7 +62,7 @@ def add_solve(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument(
         "--asset",
-        metavar="CLASS[/SIZE]=FILE",
+        metavar="CLASS[/SIZE[/VARIANT]]=FILE",
         type=_asset,
         action="append",
         default=[],

@@ -14,8 +14,11 @@ import numpy as np
 
 from ..errors import EshError, InputFileError
 from ..problem.body_kind import disc_radius
+from ..problem.footprint import Footprint
+from ..problem.footprints import Footprints
 from ..problem.placement import Placement
 from ..problem.problem import Problem
+from ..problem.size import Size
 from .quaternions import wxyz_of_axes
 
 __all__ = [
@@ -96,6 +99,8 @@ class Bodies:
         width: Thickness of a line body [m], shape ``[n]``, float64; 0 for dots.
         area: Footprint [m²], shape ``[n]``, float64; NaN where a file does not say.
         fixed: Whether a body was fixed, shape ``[n]``, bool.
+        variant: Which of the outlines of its size a body has, shape ``[n]``, int32; 0 where there are none.
+        factor: On that outline, shape ``[n]``, float64; 1 where there is none, NaN where a file does not say.
         named: Whether the names of classes and sizes are known; where a file does not say, numbers take their place.
     """
 
@@ -113,6 +118,8 @@ class Bodies:
     width: np.ndarray
     area: np.ndarray
     fixed: np.ndarray
+    variant: np.ndarray
+    factor: np.ndarray
     named: bool = True
 
     @property
@@ -120,6 +127,11 @@ class Bodies:
         """Turn about z [rad], counter-clockwise from x, shape ``[n]``, float64."""
         w, x, y, z = self.rotation.astype(np.float64).T
         return np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+    @property
+    def has_outlines(self) -> bool:
+        """Whether outlines are known that are not all the first ones of their sizes, as large as these; files say them only then."""
+        return bool(self.variant.any() or (np.isfinite(self.factor) & (self.factor != 1.0)).any())
 
     @property
     def origin(self) -> np.ndarray:
@@ -139,6 +151,7 @@ class Bodies:
             "id": self.id,
             **dict(zip(("x", "y", "z"), self.position.T, strict=True)),
             **{name: getattr(self, name) for name in ("class_index", "size_index", "length", "width", "area")},
+            **({"variant": self.variant, "scale": self.factor} if self.has_outlines else {}),
             **{f"rotation_{axis}": values for axis, values in zip("wxyz", self.rotation.T, strict=True)},
             **{f"scale_{axis}": values for axis, values in zip("xyz", self.scale.T, strict=True)},
             "prototype_index": self.prototype_index,
@@ -154,6 +167,7 @@ class Bodies:
 # What is read of a table from elsewhere, beside names.
 READ_COLUMNS = (
     *("id", "x", "y", "z", "class_index", "size_index", "length", "width", "area", "angle", "prototype_index", "fixed"),
+    *("variant", "scale"),
     *(f"rotation_{axis}" for axis in "wxyz"),
     *(f"scale_{axis}" for axis in "xyz"),
     *(f"{name}_{axis}" for name in ("normal", "tangent") for axis in "xyz"),
@@ -169,8 +183,8 @@ def read_names(text: str) -> dict[str, Any]:
     return names if isinstance(names, dict) else {}
 
 
-def check_assets(problem: Problem, assets: AssetFiles) -> dict[tuple[int, int], tuple[Path, ...]]:
-    """Return the assets of every class and size, by their indices.
+def check_assets(problem: Problem, assets: AssetFiles) -> dict[tuple[int, int, int], tuple[Path, ...]]:
+    """Return the assets of every class, size and variant of its outlines, by their indices.
 
     Raises:
         EshError: An asset for a class or size that does not exist.
@@ -180,15 +194,18 @@ def check_assets(problem: Problem, assets: AssetFiles) -> dict[tuple[int, int], 
         str(name): tuple(map(Path, [paths] if isinstance(paths, (str, Path)) else paths))
         for name, paths in assets.items()
     }
-    files: dict[tuple[int, int], tuple[Path, ...]] = {}
-    # Those of a whole class first, so that a size's own replaces them.
-    for c, body_class in enumerate(problem.classes):
-        if body_class.name in left:
-            files |= dict.fromkeys([(c, s) for s in range(len(body_class.sizes))], left.pop(body_class.name))
+    files: dict[tuple[int, int, int], tuple[Path, ...]] = {}
+    labels: dict[str, list[tuple[int, int, int]]] = {}
     for c, body_class in enumerate(problem.classes):
         for s, size in enumerate(body_class.sizes):
-            if f"{body_class.name}/{size.name}" in left:
-                files[c, s] = left.pop(f"{body_class.name}/{size.name}")
+            for v in range(len(_outlines(size))):
+                name = f"{body_class.name}/{size.name}"
+                for label in (body_class.name, name, f"{name}/{v}"):
+                    labels.setdefault(label, []).append((c, s, v))
+    # Those of a whole class first, then of a size, so that what is said of less replaces them.
+    for label in sorted(labels, key=lambda label: -len(labels[label])):
+        if label in left:
+            files |= dict.fromkeys(labels[label], left.pop(label))
     if left:
         known = [f"{c.name}/{size.name}" for c in problem.classes for size in c.sizes]
         raise EshError(f"an asset must be for a class or a size ({', '.join(known)}); got {', '.join(map(repr, left))}")
@@ -203,8 +220,9 @@ def bodies_of(placement: Placement, assets: AssetFiles | None = None) -> Bodies:
 
     Args:
         placement: What to write.
-        assets: Files that hold the objects, by ``"class"`` or ``"class/size"``; the object's footprint is around its origin and
-            of the size's mean area, its long axis lies along x, and z (in glTF: y) points up.
+        assets: Files that hold the objects, by ``"class"``, ``"class/size"`` or, of a size with several outlines,
+            ``"class/size/variant"``, counted from 0; the object's footprint is around its origin, and is its outline or has the
+            size's mean area; its long axis lies along x, and z (in glTF: y) points up.
 
     Raises:
         EshError: See :func:`check_assets`.
@@ -223,27 +241,17 @@ def bodies_of(placement: Placement, assets: AssetFiles | None = None) -> Bodies:
     files = check_assets(problem, assets or {})
     for c, body_class in enumerate(problem.classes):
         for s, size in enumerate(body_class.sizes):
-            own = np.flatnonzero((placement.class_index == c) & (placement.size_index == s))
-            index[own] = len(prototypes)
-            if not size.kind.has_axis:
-                radius = float(disc_radius(size.mean_area))
-                length = 0.0
-                scale[own] = np.sqrt(placement.area[own] / size.mean_area)[:, None]
-            else:
-                radius = 0.5 * float(placement.width[own].mean())
-                length = float(placement.length[own].mean())
-                thicker = placement.width[own] / (2.0 * radius)
-                longer = (placement.length[own] + placement.width[own]) / (length + 2.0 * radius)
-                scale[own] = np.stack([longer, thicker, thicker], axis=1)
-            prototypes.append(
-                Prototype(
-                    body_class.name if len(body_class.sizes) == 1 else f"{body_class.name}/{size.name}",
-                    _capsule(radius, length),
-                    2.0 * radius,
-                    PALETTE[c % len(PALETTE)],
-                    files.get((c, s), ()),
+            label = body_class.name if len(body_class.sizes) == 1 else f"{body_class.name}/{size.name}"
+            outlines = _outlines(size)
+            for v, outline in enumerate(outlines):
+                own = np.flatnonzero(
+                    (placement.class_index == c) & (placement.size_index == s) & (placement.variant == v)
                 )
-            )
+                index[own] = len(prototypes)
+                name = label if len(outlines) == 1 else f"{body_class.name}/{size.name}/{v}"
+                corners, height, scale[own] = _stand_in(placement, own, size, outline)
+                color = PALETTE[c % len(PALETTE)]
+                prototypes.append(Prototype(name, corners, height, color, files.get((c, s, v), ())))
     return Bodies(
         position=position,
         rotation=rotation.astype(np.float32),
@@ -259,7 +267,33 @@ def bodies_of(placement: Placement, assets: AssetFiles | None = None) -> Bodies:
         width=np.asarray(placement.width, np.float64),
         area=np.asarray(placement.area, np.float64),
         fixed=np.asarray(placement.fixed, bool),
+        variant=np.asarray(placement.variant, np.int32),
+        factor=np.asarray(placement.scale, np.float64),
     )
+
+
+def _outlines(size: Size) -> tuple[Footprint | None, ...]:
+    """The outlines that bodies of a size may have; None stands for a disc or a capsule of their own."""
+    return size.footprint.outlines if isinstance(size.footprint, Footprints) else (None,)
+
+
+def _stand_in(
+    placement: Placement, own: np.ndarray, size: Size, outline: Footprint | None
+) -> tuple[np.ndarray, float, np.ndarray]:
+    """Corners and height of the prism that stands in for some bodies [m], and factors on it, shape ``[n, 3]``."""
+    if outline is not None:
+        factor = np.asarray(placement.scale, np.float64)[own, None]
+        return outline.outline(CORNERS // 2), outline.width, np.repeat(factor, 3, axis=1)
+    if not size.kind.has_axis:
+        radius = float(disc_radius(size.mean_area))
+        factor = np.sqrt(placement.area[own] / size.mean_area)[:, None]
+        return _capsule(radius, 0.0), 2.0 * radius, np.repeat(factor, 3, axis=1)
+    width = placement.width[own]
+    radius = 0.5 * float(width.mean())
+    length = float(placement.length[own].mean())
+    thicker = width / (2.0 * radius)
+    longer = (placement.length[own] + width) / (length + 2.0 * radius)
+    return _capsule(radius, length), 2.0 * radius, np.stack([longer, thicker, thicker], axis=1)
 
 
 def bodies_from_columns(columns: Mapping[str, Any], names: Mapping[str, Any], source: str) -> Bodies:
@@ -313,6 +347,8 @@ def bodies_from_columns(columns: Mapping[str, Any], names: Mapping[str, Any], so
         width=column("width", 0.0),
         area=area,
         fixed=column("fixed", 0.0) != 0.0,
+        variant=_index(column("variant", 0.0), f"{source}: variant"),
+        factor=column("scale", math.nan),
         named=bool(names.get("class")),
     )
 
@@ -326,7 +362,7 @@ def _column(columns: Mapping[str, Any], source: str, key: str, default: float, d
         raise InputFileError(f"{source}: column {key} must hold numbers") from None
     if values.shape != (count,):
         raise InputFileError(f"{source}: column {key} must hold one number per body, {count}; got {values.shape}")
-    if key != "area" and not np.isfinite(values).all():
+    if key not in ("area", "scale") and not np.isfinite(values).all():
         raise InputFileError(f"{source}: column {key} must hold finite numbers")
     return values.astype(dtype)
 

@@ -49,7 +49,7 @@ def read_csv(path: Path, numbers: Collection[str]) -> Table:
 
     Args:
         path: The file.
-        numbers: Columns that hold numbers. An empty cell is what :data:`.placement_columns.COLUMNS` says.
+        numbers: Columns that hold numbers. An empty cell is what :data:`.placement_columns.COLUMNS` says; that of an index without a name is refused.
 
     Returns:
         Those of them that are there, ``x`` and ``y`` in any case; and columns of names, of which ``COLUMNS`` knows.
@@ -91,7 +91,9 @@ def read_csv(path: Path, numbers: Collection[str]) -> Table:
         if column is not None and column.text:
             columns[name] = np.array(list(map(name_in_cell, cells)), dtype=np.str_)
         elif column is not None and column.bits:
-            columns[name] = _whole_numbers(cells, column, str(path), at)
+            labels = f"{name.removesuffix('_index')}_name"
+            named = [bool(line[names.index(labels)].strip()) for _, line in lines] if labels in read else None
+            columns[name] = _whole_numbers(cells, column, str(path), at, named)
         else:
             otherwise = np.nan if column is None else column.otherwise
             columns[name] = _numbers(cells, otherwise, f"{path} must hold numbers in its column `{name}`", at)
@@ -108,11 +110,22 @@ def _numbers(cells: Sequence[str], otherwise: float, where: str, lines: Sequence
     return np.array(values, np.float64)
 
 
-def _whole_numbers(cells: Sequence[str], column: Column, path: str, lines: Sequence[int]) -> np.ndarray:
-    """Numbers in cells, int64, which floats would not count exactly."""
+def _whole_numbers(
+    cells: Sequence[str], column: Column, path: str, lines: Sequence[int], named: Sequence[bool] | None
+) -> np.ndarray:
+    """Numbers in cells, int64, which floats would not count exactly.
+
+    Args:
+        cells: What was read.
+        column: Where.
+        path: The file.
+        lines: Of the cells in it.
+        named: Whether the line has a name for what such a number counts; None where there is no column of names.
+    """
     values: list[int] = []
-    for cell, line in zip(cells, lines, strict=True):
-        value = _whole(cell) if cell.strip() else int(column.otherwise)
+    for place, (cell, line) in enumerate(zip(cells, lines, strict=True)):
+        otherwise = None if column.name.endswith("_index") and not (named and named[place]) else int(column.otherwise)
+        value = _whole(cell) if cell.strip() else otherwise
         fits = value is not None and -(2 ** (column.bits - 1)) <= value < 2 ** (column.bits - 1)
         if value is None or not fits:
             what = "whole numbers" if value is None else f"whole numbers of at most {column.bits} bits"

@@ -38,7 +38,7 @@ def read_fixed_bodies(path: str | Path, *, body_class: str | None = None, size: 
         path: A ``.csv`` with a line of column names: ``x`` and ``y`` [m] are needed; ``class_name`` or ``class_index``, ``size_name``
             or ``size_index``, ``angle`` [rad], ``length`` [m], ``area`` [m²], ``id``, ``variant`` and ``scale`` are read, others are
             not looked at. Or a ``.npz`` with ``position`` [m], shape ``[n, 2]``, and the same names. Both are what
-            :func:`~esh.write_placement` writes. An empty cell, and NaN in ``length``, ``area`` and ``scale``, say nothing of a body.
+            :func:`~esh.write_placement` writes. An empty cell, but of an index without a name beside it, and NaN in ``length``, ``area`` and ``scale``, say nothing of a body.
             Or a file of another program, see :func:`~esh.load_placement`; bodies are seen from above.
         body_class: The class of all of them, whatever the file says.
         size: Their size, whatever the file says.
@@ -94,6 +94,7 @@ def _read_bodies(path: Path) -> _Read:
     bodies = FORMATS[path.suffix.lower()].read(path)
     columns = {key: getattr(bodies, key) for key in ("angle", "length", "area", "id", "class_index", "size_index")}
     if bodies.named:
+        columns |= {"variant": bodies.variant, "scale": bodies.factor}
         pairs = zip(bodies.class_index.tolist(), bodies.size_index.tolist(), strict=True)
         columns["size_name"] = np.array([bodies.size_name[c][s] for c, s in pairs], dtype=np.str_)
         columns["class_name"] = np.array([bodies.class_name[c] for c in bodies.class_index.tolist()], dtype=np.str_)

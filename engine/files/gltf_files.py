@@ -32,6 +32,8 @@ ATTRIBUTES = {
     "_LENGTH": "length",
     "_WIDTH": "width",
     "_FIXED": "fixed",
+    "_VARIANT": "variant",
+    "_SCALE": "scale",
 }
 # Of a node: where its mesh stands in the object that is instanced, which its instances' transforms contain; row by row.
 PLACE = "esh_place"
@@ -105,7 +107,7 @@ def write_glb(file: BinaryIO, bodies: Bodies, folder: Path) -> None:
     """
     if bodies.id.size and np.abs(bodies.id).max() >= MOST_IDS:
         raise EshError(f"ids in a .glb file must be below {MOST_IDS:,}; write .usdc or .parquet instead")
-    glb, origin = _Glb(), bodies.origin
+    glb, origin, columns = _Glb(), bodies.origin, bodies.columns()
     glb.content["scenes"][0]["extras"] = {"esh": json.loads(bodies.names())}
     for number, prototype in enumerate(bodies.prototypes):
         own = np.flatnonzero(bodies.prototype_index == number)
@@ -113,9 +115,8 @@ def write_glb(file: BinaryIO, bodies: Bodies, folder: Path) -> None:
             continue
         asset = prototype.asset((".glb",), "a .glb file")
         meshes = [(_add_prism(glb, prototype), np.eye(4))] if asset is None else _add_asset(glb, asset)
-        numbers = {key: glb.add_array(getattr(bodies, name)[own], FLOAT) for key, name in ATTRIBUTES.items()}
-        if not np.isfinite(bodies.area[own]).all():
-            del numbers["_AREA"]
+        known = {key: columns[name][own] for key, name in ATTRIBUTES.items() if name in columns}
+        numbers = {key: glb.add_array(values, FLOAT) for key, values in known.items() if np.isfinite(values).all()}
         for mesh, place in meshes:
             position, rotation, scale = _turned_up(
                 bodies.position[own] - origin, bodies.rotation[own], bodies.scale[own]

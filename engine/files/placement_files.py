@@ -43,7 +43,7 @@ class Assets:
     """Files that hold the objects themselves, for formats that can refer to them or take them in.
 
     Attributes:
-        files: By ``"class"`` or ``"class/size"``, one or several; see :func:`~.bodies.bodies_of`.
+        files: By ``"class"``, ``"class/size"`` or ``"class/size/variant"``, one or several; see :func:`~.bodies.bodies_of`.
         folder: Where the placement's file will lie.
     """
 
@@ -78,9 +78,10 @@ def write_placement(path: str | Path, placement: Placement, *, assets: AssetFile
             line per body, its columns named in the first; a name that a spreadsheet would take for a formula has a ``'`` in front),
             or in ``.usd``, ``.usdc``, ``.usda``, ``.glb``, ``.ply``, ``.parquet`` or ``.geojson`` (for other programs).
         placement: What to write.
-        assets: For ``.usd…`` and ``.glb``: the files that hold the objects, by ``"class"`` or ``"class/size"``; a list, where several
-            formats are written. An object's footprint is around its origin and of its size's mean area, its long axis lies along x,
-            and it stands upright. Prisms stand in for objects without a file.
+        assets: For ``.usd…`` and ``.glb``: the files that hold the objects, by ``"class"``, ``"class/size"`` or, of a size with
+            several outlines, ``"class/size/variant"``, counted from 0; a list, where several formats are written. An object's
+            footprint is around its origin, and is its outline or has its size's mean area; its long axis lies along x, and it
+            stands upright. Prisms stand in for objects without a file.
 
     Raises:
         EshError: Another ending, a file that cannot be written, or a library that the format needs and that is not installed.

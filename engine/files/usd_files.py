@@ -22,6 +22,8 @@ KEY = "esh:names"
 ENDINGS = (".usd", ".usdc", ".usda", ".usdz")
 # Names of the primvars, and how they are kept.
 PRIMVARS = {"class_index": "i4", "size_index": "i4", "area": "f4", "length": "f4", "width": "f4", "fixed": "i4"}
+# The same where bodies have outlines.
+OUTLINES = {"variant": "i4", "scale": "f4"}
 
 
 def _pxr(module: str) -> Any:
@@ -75,8 +77,11 @@ def write_usd(file: BinaryIO, bodies: Bodies, folder: Path, ending: str = ".usdc
     instancer.CreateScalesAttr(vt.Vec3fArray.FromNumpy(bodies.scale))
     instancer.CreateIdsAttr(vt.Int64Array.FromNumpy(bodies.id))
     primvars = geom.PrimvarsAPI(instancer)
-    for key, dtype in PRIMVARS.items():
-        values = np.ascontiguousarray(getattr(bodies, key), dtype)
+    columns = bodies.columns()
+    for key, dtype in (PRIMVARS | OUTLINES).items():
+        if key not in columns:
+            continue
+        values = np.ascontiguousarray(columns[key], dtype)
         kind, array = (
             (sdf.ValueTypeNames.IntArray, vt.IntArray)
             if dtype == "i4"
@@ -185,7 +190,7 @@ def _columns(instancer: Any, place: np.ndarray, first: int) -> dict[str, np.ndar
     if ids is not None and len(ids) == count:
         columns["id"] = np.array(ids, np.int64)
     primvars = import_extra("pxr.UsdGeom", "usd", "a USD file").PrimvarsAPI(instancer)
-    for key in PRIMVARS:
+    for key in PRIMVARS | OUTLINES:
         values = primvars.GetPrimvar(key).Get() if primvars.HasPrimvar(key) else None
         if values is not None and len(values) == count:
             columns[key] = np.array(values)

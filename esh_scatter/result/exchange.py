@@ -200,6 +200,8 @@ def _read_result(item: bpy.types.Object) -> tuple[Bodies, list[bpy.types.Object 
         width=np.zeros(count),
         area=unknown,
         fixed=np.zeros(count, bool),
+        variant=np.zeros(count, np.int32),
+        factor=unknown,
     )
     return bodies, sources
 

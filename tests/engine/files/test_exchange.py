@@ -470,6 +470,74 @@ def test_fixed_bodies_come_from_every_format(tmp_path, placement, ending):
     np.testing.assert_array_equal(again.fixed.size_index[order], placement.size_index)
 
 
+@pytest.fixture(scope="module")
+def outlined() -> Placement:
+    """Planks, triangles and coins of one size, scaled; logs whose outlines lie askew of their axes; and stones without outlines."""
+    outlines = [
+        esh.Footprint.rectangle(1.2, 0.2),
+        esh.Footprint.polygon([[0.0, 0.0], [0.9, 0.0], [0.0, 0.6]], rounding=0.05),
+        esh.Footprint.disc(0.3),
+    ]
+    mixed = esh.Size("mixed", None, 60, footprint=esh.Footprints(outlines, scale_jitter=0.4))
+    askew = esh.Footprint.polygon([[-0.8, -0.1], [0.7, -0.2], [0.8, 0.1]])
+    log = esh.Size("log", 0.2, 10, line=Line(1.0, direction=0.4), footprint=esh.Footprints([askew], turn=math.pi))
+    classes = [BodyClass("wood", [mixed, log]), BodyClass("stone", [Size("one", (0.1, 0.3), 20)])]
+    return esh.solve(Problem(Domain((10.0, 8.0)), classes, seed=2, avoid_overlap=True), device="cpu", max_steps=20)
+
+
+@pytest.mark.parametrize("ending", [available(ending) for ending in FORMATS])
+def test_prisms_stand_on_the_outlines_that_bodies_have(tmp_path, outlined, ending):
+    """They were discs of the same area, and planks lay through each other in other programs."""
+    shapely = pytest.importorskip("shapely")
+    from shapely import affinity
+
+    esh.write_placement(tmp_path / f"a{ending}", outlined)
+    read = esh.load_placement(tmp_path / f"a{ending}")
+    prototypes = bodies_of(outlined).prototypes
+    names = ["wood/mixed/0", "wood/mixed/1", "wood/mixed/2", "wood/log", "stone"]
+    assert [prototype.name for prototype in prototypes] == [prototype.name for prototype in read.prototypes] == names
+    for body in range(len(read.id)):
+        size = outlined.problem.classes[read.class_index[body]].sizes[read.size_index[body]]
+        lying = shapely.Polygon(prototypes[read.prototype_index[body]].outline)
+        assert lying.is_valid and lying.exterior.is_ccw
+        lying = affinity.scale(lying, *read.scale[body, :2].tolist(), origin=(0.0, 0.0))
+        lying = affinity.rotate(lying, read.angle[body], origin=(0.0, 0.0), use_radians=True)
+        if size.footprint is None:
+            expected = shapely.Point(0.0, 0.0).buffer(math.sqrt(outlined.area[body] / math.pi))
+        else:
+            outline = size.footprint.outlines[outlined.variant[body]].outline(64) * outlined.scale[body]
+            expected = affinity.rotate(
+                shapely.Polygon(outline), outlined.angle[body], origin=(0.0, 0.0), use_radians=True
+            )
+        assert lying.symmetric_difference(expected).area < 0.03 * expected.area
+
+
+@pytest.mark.parametrize("ending", [available(ending) for ending in READABLE])
+def test_fixed_bodies_keep_their_outlines_in_every_format(tmp_path, outlined, ending):
+    marked = replace(outlined, id=np.arange(len(outlined.id)), fixed=np.ones(len(outlined.id), bool))
+    esh.write_placement(tmp_path / f"there{ending}", marked)
+    fixed = esh.read_fixed_bodies(tmp_path / f"there{ending}")
+    given = outlined.problem
+    classes = [*given.classes, BodyClass("moss", [Size("one", 0.01, 5)])]
+    again = esh.solve(
+        Problem(given.domain, classes, fixed=fixed, include_fixed=True, seed=9), device="cpu", max_steps=2
+    )
+    order = np.flatnonzero(again.fixed)[np.argsort(again.id[again.fixed])]
+    np.testing.assert_array_equal(again.variant[order], outlined.variant)
+    np.testing.assert_allclose(again.scale[order], outlined.scale, rtol=1e-6)
+    np.testing.assert_allclose(again.area[order], outlined.area, rtol=1e-6)
+
+
+def test_every_outline_may_have_an_asset_of_its_own(tmp_path, outlined):
+    for name in ("plank", "any", "log"):
+        (tmp_path / f"{name}.glb").write_bytes(b"")
+    files = {"wood/mixed/0": tmp_path / "plank.glb", "wood": tmp_path / "any.glb", "wood/log": tmp_path / "log.glb"}
+    assets = [[path.stem for path in prototype.assets] for prototype in bodies_of(outlined, files).prototypes]
+    assert assets == [["plank"], ["any"], ["any"], ["log"], []]
+    with pytest.raises(EshError, match="an asset must be for a class or a size"):
+        bodies_of(outlined, {"wood/mixed/3": tmp_path / "any.glb"})
+
+
 def test_fixed_bodies_of_others_get_the_class_that_is_said(tmp_path):
     (tmp_path / "rocks.ply").write_text(
         "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
@@ -518,6 +586,18 @@ def test_a_table_of_text_keeps_large_ids_and_tells_the_line_of_a_mistake(tmp_pat
     for read in (esh.load_placement, esh.read_fixed_bodies):
         with pytest.raises(InputFileError, match='must hold numbers in its column `y`; line 4 has "four"'):
             read(path)
+
+
+@pytest.mark.parametrize("what", ["class", "size"])
+def test_an_empty_cell_does_not_choose_the_first_class_or_size(tmp_path, what):
+    path = tmp_path / "a.csv"
+    path.write_text(f"x,y,{what}_index\n1,2,1\n3,4,\n", encoding="utf-8")
+    for read in (esh.load_placement, esh.read_fixed_bodies):
+        with pytest.raises(InputFileError, match=f'whole numbers in its column `{what}_index`; line 3 has ""'):
+            read(path)
+    path.write_text(f"x,y,{what}_index,{what}_name\n1,2,1,b\n3,4,,a\n", encoding="utf-8")
+    labels = esh.read_fixed_bodies(path)
+    assert list(labels.body_class if what == "class" else labels.size) == ["b", "a"]
 
 
 @pytest.mark.parametrize("ending", [available(ending) for ending in READABLE])
@@ -571,6 +651,8 @@ def some_bodies(position, **more):
         "width": np.zeros(n),
         "area": np.full(n, 0.1),
         "fixed": np.zeros(n, bool),
+        "variant": np.zeros(n, np.int32),
+        "factor": np.ones(n),
     }
     return Bodies(**given | more)
 
