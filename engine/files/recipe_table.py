@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 import tomllib
 from collections.abc import Callable
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ..errors import InputFileError, ProblemError
-from ..problem.validation import show
+from ..problem.validation import nearest_name, show
 
 __all__ = ["RecipeTable", "read_toml"]
 
@@ -83,9 +82,7 @@ class RecipeTable:
         """Refuse a key that this table does not have, and say which one was probably meant."""
         for name in self.entries:
             if name not in known:
-                nearest = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.6)
-                meant = f"did you mean `{nearest[0]}`" if nearest else f"known are {', '.join(known)}"
-                raise self.error(show(name).strip('"'), f"is not a known key; {meant}")
+                raise self.error(show(name).strip('"'), f"is not a known key; {nearest_name(name, known)}")
 
     def take(self, name: str, check: Callable[[Any, str], Value], default: Any = None) -> Value:
         """Return the checked value of a key, or ``default`` where the key is missing and there is one."""

@@ -27,7 +27,7 @@ from .fixed_bodies import FixedBodies, FixedBody, FixedTable, fixed_table
 from .obstacles import Obstacle
 from .of_bodies import of_bodies
 from .prepared_class import PreparedClass, beside_counted, beside_fixed, cut_out, cut_out_on_surface, prepare_all
-from .settings import Settings, described, setting, settle, takes, values_of
+from .settings import Settings, described, setting, settle, takes, values_of, with_changes
 from .size import with_count
 from .surface import Surface
 from .validation import show
@@ -115,7 +115,7 @@ class Problem(ProblemSettings):
         obstacles: Sequence[Obstacle] = (),
         **changes: Any,
     ) -> None:
-        settings = ProblemSettings(**changes)
+        settings = with_changes(ProblemSettings(), changes, ("balance", "fixed", "obstacles"))
         balance = Balance() if balance is None else balance
         if not isinstance(domain, Domain | Surface):
             raise ProblemError(f"`domain` must be a Domain or a Surface; got {show(domain)}")

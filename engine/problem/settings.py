@@ -10,13 +10,13 @@ import dataclasses
 import inspect
 import math
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal, NamedTuple, TypeVar
 
 from ..errors import ProblemError
-from .validation import as_float, check_switch, show
+from .validation import as_float, check_switch, nearest_name, show
 
 __all__ = [
     "Choice",
@@ -32,11 +32,13 @@ __all__ = [
     "settle",
     "takes",
     "values_of",
+    "with_changes",
 ]
 
 Check = Callable[[Any, str], Any]
 Kind = Literal["switch", "whole", "number", "numbers", "choice", "text", "group", "other"]
 Class = TypeVar("Class", bound=type)
+Group = TypeVar("Group")
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 # Width of the lines of generated docstrings.
@@ -186,6 +188,25 @@ def settings_of(cls: Any) -> Mapping[str, Described]:
 def values_of(source: object, cls: Any) -> dict[str, Any]:
     """Return the settings of ``cls`` by name as an instance of it, or of a class derived from it, has them."""
     return {name: getattr(source, name) for name in settings_of(cls)}
+
+
+def with_changes(settings: Group, changes: Mapping[str, Any], also: Sequence[str] = ()) -> Group:
+    """Return the same settings but for some by name.
+
+    Args:
+        settings: An instance of a described dataclass.
+        changes: Others by name.
+        also: What else may be said by name where ``changes`` are from.
+
+    Raises:
+        ProblemError: A name that is none of them, or a value without meaning.
+    """
+    cls: Any = type(settings)
+    known = settings_of(cls)
+    for name in changes:
+        if name not in known:
+            raise ProblemError(f"`{name}` is not a known setting; {nearest_name(name, (*known, *also))}")
+    return dataclasses.replace(settings, **changes)  # type: ignore[type-var]
 
 
 def settle(instance: object, **values: object) -> None:

@@ -453,6 +453,15 @@ def check_unique(names: Sequence[str], what: str) -> None:
         seen.add(name)
 
 
+def nearest_name(name: str, known: Iterable[str]) -> str:
+    """Return how a sentence about a name that is not known ends: with the one that was probably meant, or with all."""
+    import difflib
+
+    known = tuple(known)
+    nearest = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.6)
+    return f"did you mean `{nearest[0]}`" if nearest else f"known are {', '.join(known)}"
+
+
 def show(value: object) -> str:
     """Return ``value`` as a sentence shows it: short, on one line, and never failing."""
     if isinstance(value, numbers.Integral) and is_real(value):

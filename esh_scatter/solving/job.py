@@ -23,7 +23,7 @@ from ...engine.problem.prepared_class import PreparedClass
 from ...engine.problem.problem import Problem, SamplingSettings
 from ...engine.problem.report import Report
 from ...engine.problem.scatter_settings import RunSettings, ScatterSettings
-from ...engine.problem.settings import takes, values_of
+from ...engine.problem.settings import takes, values_of, with_changes
 from ...engine.problem.validation import as_whole, check_name, show
 from ...engine.solve import moved, solve
 from ...engine.solver.solver import Progress
@@ -58,6 +58,8 @@ ROUNDED = (
     "so far from the world's origin Blender rounds positions to {:.2g} m; the report tells of objects where it puts them; move the "
     "scene nearer to the origin"
 )
+# What a scatter can be told by name beside its settings.
+ASKED_BESIDE = ("name", "result", "obstacles", "pinned", "progress")
 # Of a surface that hides more than the other side of a solid, from above; steeper ground than 53 degrees all over does.
 LEAST_SEEN = 0.6
 SEEN = 'seen from above, {} is {} as large as its surface; choose "Whole Surface" to cover all of it'
@@ -143,7 +145,7 @@ class ScatterJob:
         context = bpy.context
         if settings is not None and not isinstance(settings, ScatterSettings):
             raise ProblemError(f"`settings` must be ScatterSettings, or None; got {show(settings)}")
-        self.settings = replace(settings or ScatterSettings(), **changes)
+        self.settings = with_changes(settings or ScatterSettings(), changes, ASKED_BESIDE)
         self.name = check_name(name, "`name`")
         self.device = resolve_device(self.settings.device).alias
         self._scene = Reference(context.scene, "scene")

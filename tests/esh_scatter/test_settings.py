@@ -96,8 +96,23 @@ def test_settings_can_be_kept_and_handed_in_as_one():
     assert one.tobytes() == other.tobytes()
     with pytest.raises(esh.EshError, match="`settings` must be ScatterSettings, or None; got"):
         esh.ScatterJob(ground, classes, {"seed": 3})
-    with pytest.raises(TypeError, match="sead"):
+    with pytest.raises(esh.EshError, match="`sead` is not a known setting; did you mean `seed`"):
         esh.scatter(ground, classes, sead=3)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("max_step", "did you mean `max_steps`"),
+        ("Obstacle", "did you mean `obstacles`"),
+        ("zzz", "known are .*avoid_overlap.*progress"),
+    ],
+)
+def test_a_setting_that_is_not_known_is_a_sentence(scatter, name, said):
+    """It was a TypeError of dataclasses."""
+    tree = esh.ScatterClass("tree", [esh.ScatterSize("any", 4, bpy.data.objects["Tree"])])
+    with pytest.raises(esh.ProblemError, match=f"`{name}` is not a known setting; {said}"):
+        esh.scatter(bpy.data.objects["Ground"], [tree], **{name: 3})
 
 
 def test_the_sidebar_passes_on_its_settings_and_begins_with_the_defaults_of_scripts(scatter):
