@@ -49,7 +49,8 @@ def read_csv(path: Path, numbers: Collection[str]) -> Table:
 
     Args:
         path: The file.
-        numbers: Columns that hold numbers. An empty cell is what :data:`.placement_columns.COLUMNS` says; that of an index without a name is refused.
+        numbers: Columns that hold numbers. An empty cell is what :data:`.placement_columns.COLUMNS` says; that of an index
+            without a name is refused.
 
     Returns:
         Those of them that are there, ``x`` and ``y`` in any case; and columns of names, of which ``COLUMNS`` knows.

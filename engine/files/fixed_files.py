@@ -38,8 +38,9 @@ def read_fixed_bodies(path: str | Path, *, body_class: str | None = None, size: 
         path: A ``.csv`` with a line of column names: ``x`` and ``y`` [m] are needed; ``class_name`` or ``class_index``, ``size_name``
             or ``size_index``, ``angle`` [rad], ``length`` [m], ``area`` [m²], ``id``, ``variant`` and ``scale`` are read, others are
             not looked at. Or a ``.npz`` with ``position`` [m], shape ``[n, 2]``, and the same names. Both are what
-            :func:`~esh.write_placement` writes. An empty cell, but of an index without a name beside it, and NaN in ``length``, ``area`` and ``scale``, say nothing of a body.
-            Or a file of another program, see :func:`~esh.load_placement`; bodies are seen from above.
+            :func:`~esh.write_placement` writes. An empty cell, but of an index without a name beside it, and NaN in ``length``,
+            ``area`` and ``scale``, say nothing of a body. Or a file of another program, see :func:`~esh.load_placement`; bodies are
+            seen from above.
         body_class: The class of all of them, whatever the file says.
         size: Their size, whatever the file says.
 
