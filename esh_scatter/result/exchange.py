@@ -15,12 +15,13 @@ from ...engine.files.bodies import Bodies, Prototype
 from ...engine.files.body_formats import FORMATS
 from ...engine.files.placement_files import check_ending, check_writable, write_bodies
 from ...engine.files.placement_reader import load_placement
-from ...engine.files.quaternions import multiply_xyzw
+from ...engine.files.quaternions import multiply_xyzw, wxyz_of_axes
 from ...engine.problem.validation import as_path, show
 from ..targets.target import RESULT_TAG, check_exists
 from .display import shown_objects
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
 from .result import CLASS_NAMES, write_result
+from .standing_now import moved_with
 
 __all__ = ["export_result", "import_placement"]
 
@@ -159,8 +160,8 @@ def _read_result(item: bpy.types.Object) -> tuple[Bodies, list[bpy.types.Object 
             attribute.data.foreach_get("vector" if kind == "FLOAT_VECTOR" else "value", values)
         return values.reshape(count, width) if width > 1 else values
 
-    position = read("position", "FLOAT_VECTOR", 3, 0.0).astype(np.float64)
-    rotation = read(ROTATION, "QUATERNION", 4, 0.0)
+    now = moved_with(item, read("position", "FLOAT_VECTOR", 3, 0.0).astype(np.float64), bpy.context)
+    position, rotation = now.position, _turned(now.turned, read(ROTATION, "QUATERNION", 4, 0.0))
     scale = read(SCALE, "FLOAT_VECTOR", 3, 1.0)
     world = np.array(item.matrix_world, np.float64)
     if not np.allclose(world, np.eye(4)):
@@ -204,6 +205,17 @@ def _read_result(item: bpy.types.Object) -> tuple[Bodies, list[bpy.types.Object 
         factor=unknown,
     )
     return bodies, sources
+
+
+def _turned(turned: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Quaternions (w, x, y, z) of objects that rotations ``[n, 3, 3]`` turn; where these do nothing they stay to the last digit."""
+    changed = np.flatnonzero((turned != np.eye(3)).any(axis=(1, 2)))
+    if not len(changed):
+        return rotation
+    first = np.roll(wxyz_of_axes(turned[changed, :, 0], turned[changed, :, 2]), -1, axis=1)
+    result = rotation.copy()
+    result[changed] = np.roll(multiply_xyzw(first, np.roll(rotation[changed], -1, axis=1)), 1, axis=1)
+    return result
 
 
 def _names(given: Sequence[str], least: int, otherwise: str) -> tuple[str, ...]:

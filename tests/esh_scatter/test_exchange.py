@@ -172,6 +172,26 @@ def test_a_result_that_was_moved_comes_back_where_it_stands(result, tmp_path, en
     assert item.name == "Again" and item["esh_scatter"]
 
 
+@pytest.mark.parametrize("ending", [".ply", ".usda", ".glb"])
+def test_what_follows_its_target_leaves_where_it_is_shown(result, tmp_path, ending):
+    """The file had the places of the run, under a target that was moved since."""
+    ground = next(
+        item
+        for item in bpy.data.objects
+        if item.type == "MESH" and item.name not in ("Tree", "Stone", result.object.name)
+    )
+    ground.matrix_world = Matrix.Translation((3, 4, 5)) @ Matrix.Rotation(0.6, 4, (1.0, 2.0, 0.5)) @ ground.matrix_world
+    result.object.location = (1.0, 0.0, -2.0)
+    bpy.context.view_layer.update()
+    shown = instances()
+    esh.export_result(tmp_path / f"wood{ending}", result.object)
+    sources = {name: bpy.data.objects[name] for name in ("Tree", "Stone")}
+    bpy.data.objects.remove(result.object)
+    esh.import_placement(tmp_path / f"wood{ending}", sources, name="Again")
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(instances(), shown, atol=1e-4)
+
+
 def test_a_placement_without_objects_is_shown_by_prisms(tmp_path):
     bpy.ops.wm.read_homefile(use_empty=True)
     problem = esh.Problem(
