@@ -12,7 +12,7 @@ from .argument_types import positive_number, whole_number
 from .long_runs import add_run_options, following
 from .progress_bar import progress_bar
 from .signals import loading
-from .streams import say
+from .streams import complain, say
 
 if TYPE_CHECKING:
     from ..tiles.tiles import TileState
@@ -65,11 +65,17 @@ def tiles(options: argparse.Namespace) -> int:
     from ..errors import EshError
 
     with loading():
+        from ..tiles.plan import cover_of_tiles, read_tiled_recipe
         from ..tiles.tile_files import TILE_WRITERS
         from ..tiles.tiles import STEPS, solve_tiles
 
     if options.ending not in TILE_WRITERS:
         raise EshError(f"--as must be {' or '.join(TILE_WRITERS)}; got {options.ending!r}")
+    scene = read_tiled_recipe(options.recipe, options.seed)
+    warning = cover_of_tiles(scene).warning if scene.problem.avoid_overlap and not options.quiet else None
+    if warning is not None:
+        complain(f"{options.recipe}: {warning}")
+    del scene
     with following(options, _progress_bar, _done) as follow:
         state = solve_tiles(
             options.recipe,

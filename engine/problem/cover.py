@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from .problem import Problem
 from .surface import Surface
 from .validation import check_is
 
-__all__ = ["Cover", "Room", "cover_of"]
+__all__ = ["Cover", "Room", "cover_of", "cover_of_images"]
 
 # Cells along the longer side of the domain in which what is asked for is compared with what fits; fewer where bodies are large.
 CELLS = 128
@@ -79,28 +80,44 @@ def cover_of(problem: Problem) -> Cover:
     fits = _fits(footprints, area, agreement_of(problem, footprints, area))
     class_index = problem.body_indices()[0]
     of_class = np.bincount(class_index, weights=area, minlength=len(problem.classes))
-    # Of classes that may lie on each other, those that keep apart from one of them share the ground.
-    kept = problem.balance.classes_apart
-    apart = np.ones((len(of_class), len(of_class))) if kept is None else kept.astype(np.float64)
-    most = float((apart @ of_class).max())
     if isinstance(problem.domain, Surface):
         # Where on a surface it is crowded, only the run tells.
         sample = problem.domain.sample()
         share = np.mean(np.any([c.density_on(sample) > 0.0 for c in problem.classes], axis=0))
+        most = float((_apart(problem) @ of_class).max())
         return Cover(most / max(float(share) * problem.domain.area, 1e-300), fits, 0.0)
     fits *= share_inside(problem.domain, float(area.mean())) * _share_beside_obstacles(
         problem, problem.domain, float(area.mean())
     )
-    shape = _cells(problem, float(area.mean()))
-    shares = [in_cells(c.density_image, shape) for c in problem.classes]
-    free = np.clip(np.max([in_cells(c.density_image > 0.0, shape) for c in problem.classes], axis=0), 0.0, 1.0)
-    cell = problem.domain.area / (shape[0] * shape[1])
+    return cover_of_images(problem, [c.density_image for c in problem.classes], of_class, fits)
+
+
+def cover_of_images(problem: Problem, images: Sequence[np.ndarray], of_class: np.ndarray, fits: float) -> Cover:
+    """Return how much of the ground footprints take that add up to so much.
+
+    Args:
+        problem: In a rectangle.
+        images: Of every class, what its density is proportional to.
+        of_class: Areas of the footprints of every class, added up [m²].
+        fits: Share of the ground that can be taken.
+    """
+    apart, domain = _apart(problem), problem.rectangle
+    shape = _cells(domain, float(of_class.sum()) / problem.body_count)
+    shares = [in_cells(image, shape) for image in images]
+    free = np.clip(np.max([in_cells(image > 0.0, shape) for image in images], axis=0), 0.0, 1.0)
+    cell = domain.area / (shape[0] * shape[1])
     of_cells = [total * share / share.sum() for total, share in zip(of_class, shares, strict=True)]
     asked = np.max(np.tensordot(apart, np.stack(of_cells), axes=1), axis=0)
-    covered = most / max(float(free.sum()) * cell, 1e-300)
+    covered = float((apart @ of_class).max()) / max(float(free.sum()) * cell, 1e-300)
     too_much = asked > CROWDED * fits * np.maximum(free, 1e-12) * cell
     crowded = float(asked[too_much].sum() / asked.sum())
     return Cover(covered, fits, crowded)
+
+
+def _apart(problem: Problem) -> np.ndarray:
+    """1 for classes that share the ground, 0 for those that may lie on each other, shape ``[classes, classes]``."""
+    kept, number = problem.balance.classes_apart, len(problem.classes)
+    return np.ones((number, number)) if kept is None else kept.astype(np.float64)
 
 
 def _share_beside_obstacles(problem: Problem, domain: Domain, mean_area: float) -> float:
@@ -186,9 +203,9 @@ def _fits(footprints: BodyFootprints, area: np.ndarray, agreement: float) -> flo
     return float(np.average(fraction[footprints.shape, free.astype(np.int64)], weights=area))
 
 
-def _cells(problem: Problem, mean_area: float) -> tuple[int, int]:
+def _cells(domain: Domain, mean_area: float) -> tuple[int, int]:
     """Rows and columns that hold some bodies each where they cover the ground."""
-    width, height = problem.domain.size
+    width, height = domain.size
     smallest = math.sqrt(BODIES_PER_CELL * mean_area)
     cell = max(max(width, height) / CELLS, smallest)
     return max(1, int(height / cell)), max(1, int(width / cell))

@@ -13,9 +13,11 @@ from ..errors import ProblemError
 from ..files.window_images import Georeference
 from ..files.windowed_recipe import WindowedRecipe, read_windowed_recipe
 from ..problem.clumps import clump_size_of, crowding_of, pushed_out_at, share_at_large
+from ..problem.cover import Cover, cover_of_images
 from ..problem.direction_field import direction_field
 from ..problem.domain import Domain
 from ..problem.line import Line
+from ..problem.packing import packable_share
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..space.density import box_integrals
@@ -25,7 +27,7 @@ from .density_windows import ArraySource, Source, WrappedSource, units_along
 from .groups import TileGroups, group_tiles
 from .layout import Layout
 
-__all__ = ["Pass", "Plan", "TileRun", "choose_tiles", "make_plan", "read_tiled_recipe"]
+__all__ = ["Pass", "Plan", "TileRun", "choose_tiles", "cover_of_tiles", "make_plan", "read_tiled_recipe"]
 
 # Tiles are so many typical spacings long, and so many of the rarest group's, but never longer than for so many bodies; by device.
 SPACINGS_PER_TILE = {"cpu": 100.0, "cuda": 1000.0}
@@ -179,6 +181,21 @@ def choose_tiles(scene: WindowedRecipe, length: float | None, on_gpu: bool) -> t
                 f"{2.0 * fewest:g} spacings; got {size[0]:g} by {size[1]:g} m"
             )
     return columns, rows
+
+
+def cover_of_tiles(scene: WindowedRecipe) -> Cover:
+    """Return how much of the ground footprints take, on a coarse look at the densities, and without a number for every body."""
+    problem = scene.problem
+    of_class, fits = np.zeros(len(problem.classes)), []
+    for c, body_class in enumerate(problem.classes):
+        ground = [(size.count or 0) * size.mean_ground for size in body_class.sizes]
+        of_class[c] = sum(ground)
+        fits += [
+            area * packable_share([size], body_class.room, body_class.gap)
+            for area, size in zip(ground, body_class.sizes, strict=True)
+        ]
+    surveys = [_survey(scene, c)[0] for c in range(len(problem.classes))]
+    return cover_of_images(problem, surveys, of_class, sum(fits) / of_class.sum())
 
 
 def passes_of(problem: Problem, layers: int, tiles: tuple[int, int], steps: tuple[int, ...]) -> tuple[Pass, ...]:

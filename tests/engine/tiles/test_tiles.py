@@ -345,6 +345,24 @@ def test_the_command_says_what_it_did(recipe, tmp_path, capsys):
     assert "cannot be used" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("count", "said"), [(300, ""), (700, "the footprints cover 140% of where they may be: at most")]
+)
+def test_what_cannot_fit_is_said_before_it_is_placed(count, said, tmp_path, capsys):
+    """Hours went by without a word."""
+    image = np.zeros((8, 8), np.float32)
+    image[:, :4] = 1.0
+    np.save(tmp_path / "half.npy", image)
+    (tmp_path / "r.toml").write_text(
+        "version = 1\navoid_overlap = true\n[domain]\nsize = [40, 25]\n[[class]]\nname = 'a'\ndensity = 'half.npy'\n"
+        f"[[class.size]]\nname = 's'\narea = 1.0\ncount = {count}\n"
+    )
+    arguments = ["tiles", str(tmp_path / "r.toml"), "-o", str(tmp_path / "out"), "--device", "cpu", "--as", ".npz"]
+    assert command_line.main([*arguments, "--workers", "0", "--steps", "1,1,1"]) == 0
+    complaints = capsys.readouterr().err
+    assert said in complaints and bool(said) == ("footprints" in complaints)
+
+
 def test_a_geotiff_is_read_by_window_and_keeps_its_place(recipe, tmp_path):
     rasterio = pytest.importorskip("rasterio")
     parquet = pytest.importorskip("pyarrow.parquet")
