@@ -192,6 +192,7 @@ class _Driver:
         index = Path(run.folder, INDEX)
         if index.is_file():
             return self._state(len(self._names) - 1, self._tiles, self._tiles, finished=True)
+        make_folder(run.work)
         try:
             for place, name in enumerate(self._names):
                 if self._is_over(name):
@@ -349,7 +350,6 @@ def _open_folder(run: TileRun, on_gpu: bool) -> None:
         "device": "cuda" if on_gpu else "cpu",
     }
     open_run_folder(folder, PLAN, plan, "run", beside=("problem",))
-    make_folder(run.work)
 
 
 def _digest(paths: list[Path]) -> str:

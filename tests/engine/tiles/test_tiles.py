@@ -183,6 +183,8 @@ def test_parts_that_are_there_are_not_made_again(recipe, tmp_path):
     solved(recipe, tmp_path / "out", progress=lambda state: made.append((state.name, state.done)))
     assert made[0] == ("pass-2", 2)
     assert [name for name, _ in made if name in ("survey", "start", "pass-1")] == []
+    solved(recipe, tmp_path / "out")
+    assert not (tmp_path / "out" / ".work").exists()
 
 
 def test_a_folder_of_another_run_is_left_alone(recipe, tmp_path):
