@@ -17,8 +17,14 @@ from .surface_placement import points_of
 __all__ = ["rare_start_on_surface"]
 
 
+# Every triangle of a surface takes time, however few bodies are spread: with more of them than bodies and this, these start as
+# all others do.
+# Measured with 4,000, 400 and 40: 0.8 s of processor time of a run's 6.7 with 20,000 triangles, 9 s with 330,000.
+MOST_TRIANGLES = 100_000
+
+
 def rare_start_on_surface(launcher: Launcher, problem: Problem) -> Start | None:
-    """Return what puts the bodies of rare classes where they start; None where no class is rare.
+    """Return what puts the bodies of rare classes where they start; None where no class is rare, or where it takes too long.
 
     Args:
         launcher: Where to run.
@@ -26,6 +32,8 @@ def rare_start_on_surface(launcher: Launcher, problem: Problem) -> Start | None:
     """
     surface = problem.domain
     assert isinstance(surface, Surface)
+    if len(surface.triangle) > MOST_TRIANGLES + problem.body_count:
+        return None
     triangle, barycentric = np.full(problem.body_count, -1), np.zeros((problem.body_count, 3))
 
     def put(of_bodies: np.ndarray, descent: SurfaceDescent) -> None:
