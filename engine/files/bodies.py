@@ -288,12 +288,7 @@ def _stand_in(
         radius = float(disc_radius(size.mean_area))
         factor = np.sqrt(placement.area[own] / size.mean_area)[:, None]
         return _capsule(radius, 0.0), 2.0 * radius, np.repeat(factor, 3, axis=1)
-    width = placement.width[own]
-    radius = 0.5 * float(width.mean())
-    length = float(placement.length[own].mean())
-    thicker = width / (2.0 * radius)
-    longer = (placement.length[own] + width) / (length + 2.0 * radius)
-    return _capsule(radius, length), 2.0 * radius, np.stack([longer, thicker, thicker], axis=1)
+    return _capsules(placement.length[own], placement.width[own])
 
 
 def bodies_from_columns(columns: Mapping[str, Any], names: Mapping[str, Any], source: str) -> Bodies:
@@ -326,25 +321,39 @@ def bodies_from_columns(columns: Mapping[str, Any], names: Mapping[str, Any], so
         )
         for c in range(len(class_name))
     )
-    prototype_index = _index(column("prototype_index", 0.0), f"{source}: prototype_index")
-    labels = _strings(names.get("prototype"), int(prototype_index.max(initial=-1)) + 1, "prototype")
-    area = column("area", math.nan)
+    if "prototype_index" in columns or "class_index" not in columns:
+        prototype_index = _index(column("prototype_index", 0.0), f"{source}: prototype_index")
+        labels = _strings(names.get("prototype"), int(prototype_index.max(initial=-1)) + 1, "prototype")
+    else:
+        # Every size has something of its own, as where placements are written with prototypes.
+        pairs, index = np.unique(np.stack([class_index, size_index], axis=1), axis=0, return_inverse=True)
+        prototype_index = index.ravel().astype(np.int32)
+        labels = tuple(
+            class_name[c] if len(size_name[c]) == 1 else f"{class_name[c]}/{size_name[c][s]}" for c, s in pairs.tolist()
+        )
+    area, length, width = column("area", math.nan), column("length", 0.0), column("width", 0.0)
+    of_prototype = [np.flatnonzero(prototype_index == number) for number in range(len(labels))]
+    scale = np.stack([column(f"scale_{axis}", 1.0) for axis in "xyz"], axis=1)
+    prototypes = []
+    for number, own in enumerate(of_prototype):
+        prototype, factor = _known_only(labels[number], area[own], length[own], width[own], number)
+        prototypes.append(prototype)
+        if "scale_x" not in columns and "prototype_index" not in columns:
+            scale[own] = factor
     return Bodies(
         position=position,
         rotation=rotation.astype(np.float32),
-        scale=np.stack([column(f"scale_{axis}", 1.0) for axis in "xyz"], axis=1).astype(np.float32),
+        scale=scale.astype(np.float32),
         prototype_index=prototype_index,
-        prototypes=tuple(
-            _disc_of(label, area[prototype_index == number], number) for number, label in enumerate(labels)
-        ),
+        prototypes=tuple(prototypes),
         # Not through float64: ids may be larger than what that counts exactly.
         id=np.asarray(columns["id"]).astype(np.int64) if "id" in columns else np.arange(count, dtype=np.int64),
         class_index=class_index,
         size_index=size_index,
         class_name=class_name,
         size_name=size_name,
-        length=column("length", 0.0),
-        width=column("width", 0.0),
+        length=length,
+        width=width,
         area=area,
         fixed=column("fixed", 0.0) != 0.0,
         variant=_index(column("variant", 0.0), f"{source}: variant"),
@@ -390,11 +399,27 @@ def _of_length_one(vectors: np.ndarray, what: str) -> np.ndarray:
     return vectors / norm
 
 
-def _disc_of(label: str, areas: np.ndarray, number: int) -> Prototype:
-    """What stands for bodies of which only areas are known [m²], where they are: a disc of the mean one."""
-    known = areas[np.isfinite(areas)]
-    radius = float(disc_radius(known.mean())) if known.size else 0.5
-    return Prototype(label, _capsule(radius, 0.0), 2.0 * radius, PALETTE[number % len(PALETTE)])
+def _known_only(
+    label: str, area: np.ndarray, length: np.ndarray, width: np.ndarray, number: int
+) -> tuple[Prototype, np.ndarray]:
+    """What stands for bodies of which areas [m²], lengths and widths [m] are known, where they are, and factors on it, ``[n, 3]``."""
+    color = PALETTE[number % len(PALETTE)]
+    if len(width) and (width > 0.0).all():
+        corners, height, factor = _capsules(length, width)
+        return Prototype(label, corners, height, color), factor
+    known = area[np.isfinite(area)]
+    mean = float(known.mean()) if known.size else math.pi * 0.25
+    radius = float(disc_radius(mean))
+    factor = np.sqrt(np.where(np.isfinite(area), area, mean) / max(mean, 1e-300))
+    return Prototype(label, _capsule(radius, 0.0), 2.0 * radius, color), np.repeat(factor[:, None], 3, axis=1)
+
+
+def _capsules(length: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+    """Corners and height of the prism that stands in for capsules [m], and factors on it, shape ``[n, 3]``."""
+    radius, mean = 0.5 * float(width.mean()), float(length.mean())
+    thicker = width / (2.0 * radius)
+    longer = (length + width) / (mean + 2.0 * radius)
+    return _capsule(radius, mean), 2.0 * radius, np.stack([longer, thicker, thicker], axis=1)
 
 
 def _capsule(radius: float, length: float) -> np.ndarray:

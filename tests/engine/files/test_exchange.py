@@ -470,6 +470,24 @@ def test_fixed_bodies_come_from_every_format(tmp_path, placement, ending):
     np.testing.assert_array_equal(again.fixed.size_index[order], placement.size_index)
 
 
+@pytest.mark.parametrize("ending", [".npz", ".csv"])
+def test_a_table_without_prototypes_has_one_for_every_size(tmp_path, placement, ending):
+    """Everything in it was a disc of the mean area of all classes."""
+    esh.write_placement(tmp_path / f"a{ending}", placement)
+    read, expected = esh.load_placement(tmp_path / f"a{ending}"), bodies_of(placement)
+    np.testing.assert_array_equal(read.prototype_index, expected.prototype_index)
+    # Areas that are drawn have not quite the mean that was asked for.
+    exact = expected.prototype_index != 1
+    np.testing.assert_allclose(read.scale[exact], expected.scale[exact], rtol=1e-6)
+    for one, other in zip(read.prototypes, expected.prototypes, strict=True):
+        if ending == ".csv":  # the other knows no names of sizes
+            assert one.name == other.name
+        np.testing.assert_allclose(one.outline, other.outline, rtol=0.2, atol=1e-9)
+    of_range = read.prototype_index == 1
+    radius = read.scale[of_range, 0] * read.prototypes[1].height / 2.0
+    np.testing.assert_allclose(math.pi * radius**2, placement.area[of_range], rtol=1e-6)
+
+
 @pytest.fixture(scope="module")
 def outlined() -> Placement:
     """Planks, triangles and coins of one size, scaled; logs whose outlines lie askew of their axes; and stones without outlines."""
