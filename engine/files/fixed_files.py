@@ -103,8 +103,10 @@ def _read_bodies(path: Path) -> _Read:
 
 
 def _read_csv(path: Path) -> _Read:
-    table = read_csv(path, ("x", "y", *NUMBERS))
-    position = np.stack([table.columns["x"], table.columns["y"]], axis=1)
+    table = read_csv(path, ("x", "y", "z", "normal_x", *NUMBERS))
+    # Others' tables may have heights, too; those of placements on a surface have its normals.
+    axes = "xyz" if {"z", "normal_x"} <= table.columns.keys() else "xy"
+    position = np.stack([table.columns[axis] for axis in axes], axis=1)
     return _Read(table.columns | {"position": position}, table.line)
 
 

@@ -648,6 +648,19 @@ def test_bodies_of_a_surface_stand_on_it(ending, tmp_path):
     np.testing.assert_allclose(np.abs((back.rotation * bodies.rotation).sum(axis=1)), 1.0, atol=1e-5)
 
 
+@pytest.mark.parametrize("ending", [".npz", ".csv"])
+def test_bodies_of_a_surface_can_be_fixed_on_it_again(ending, tmp_path):
+    ball = trimesh.creation.icosphere(2)
+    surface = esh.Surface([esh.SurfaceMesh(ball.vertices, ball.faces)])
+    classes = [BodyClass("dot", [Size("s", 0.01, 40)])]
+    placement = esh.solve(Problem(surface, classes), device="cpu", max_steps=3)
+    write_placement(tmp_path / f"a{ending}", placement)
+    again = Problem(surface, classes, fixed=esh.read_fixed_bodies(tmp_path / f"a{ending}"))
+    np.testing.assert_allclose(again.fixed.position, placement.position, atol=1e-6)
+    (tmp_path / "heights.csv").write_text("x,y,z\n1,2,3\n", encoding="utf-8")
+    assert esh.read_fixed_bodies(tmp_path / "heights.csv").position.tolist() == [[1.0, 2.0]]
+
+
 def some_bodies(position, **more):
     """Bodies of one class at these places, turned anyhow."""
     n = len(position)
