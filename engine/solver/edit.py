@@ -125,6 +125,8 @@ def carry_over(old: Model, position: np.ndarray, model: Model, first_identity: i
         [density for change in changes for density in change.densities],
         [count for change in changes for count in change.counts],
     )
+    there = fixed[source[fixed] >= 0]
+    elsewhere = [there[(result[there] != position[source[there]]).any(axis=1)]]
     for number, change in enumerate(changes):
         change.thin_out(points[3 * number : 3 * number + 2], position, model.problem)
         at = points[3 * number + 2]
@@ -139,6 +141,7 @@ def carry_over(old: Model, position: np.ndarray, model: Model, first_identity: i
             row_of = np.zeros(old.body_count, np.int64)
             row_of[source[old_rows]] = old_rows
             result[row_of[change.placed]] = points[3 * number + 1]
+            elsewhere.append(row_of[change.placed])
         result[new_rows] = at
     gone = ~taken
     gone[source[source >= 0]] = False
@@ -148,8 +151,7 @@ def carry_over(old: Model, position: np.ndarray, model: Model, first_identity: i
     fresh = (source < 0) & ~model.fixed
     identity[fresh] = first_identity + np.arange(int(fresh.sum()))
     result = _in_support(model, result)
-    there = np.flatnonzero(source >= 0)
-    away = there[(result[there] != position[source[there]]).any(axis=1)]
+    away = np.concatenate(elsewhere)
     moved = np.concatenate([result[away], position[source[away]]])
     return CarriedOver(result, source, identity, position[gone], moved)
 
