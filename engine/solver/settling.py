@@ -63,6 +63,6 @@ def _cells_near(descent: Descent, places: np.ndarray) -> np.ndarray:
     )
     marked = np.zeros((rows, columns), bool)
     marked[row, column] = True
-    around = np.pad(marked, 1, mode="wrap" if model.problem.rectangle.periodic else "constant")
+    around = np.pad(marked, 1, mode="constant" if model.space.has_edges else "wrap")
     wide = around[:, :-2] | around[:, 1:-1] | around[:, 2:]
     return wide[:-2] | wide[1:-1] | wide[2:]
