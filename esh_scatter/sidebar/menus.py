@@ -11,14 +11,18 @@ from .preset_pictures import picture_of
 
 __all__ = ["CLASSES", "attach", "detach"]
 
-# What has no place in a menu: it needs to be told which class or scatter, or is there only during a run.
-_ONLY_BUTTONS = {
+# What is no entry of the Object menu: it needs to be told which class or scatter.
+_ELSEWHERE = {
     "esh.class_overlap",
     "esh.scatter_choose",
     "esh.class_move",
     "esh.size_move",
     "esh.layer_move",
+    # In the menu of the presets.
     "esh.preset_apply",
+    "esh.preset_import",
+    "esh.preset_export",
+    "esh.presets_as_assets",
     # In the menus of the asset browser.
     "esh.scatter_assets",
     "esh.classes_from_assets",
@@ -136,8 +140,10 @@ class ESH_MT_object(bpy.types.Menu):
             if cls.bl_idname == "esh.scatter" and updates:
                 # F3 finds it by the name that its button has.
                 layout.operator(cls.bl_idname, text="Update Scatter")
-            elif cls.bl_idname not in _ONLY_BUTTONS:
+            elif cls.bl_idname not in _ELSEWHERE:
                 layout.operator(cls.bl_idname)
+        layout.separator()
+        layout.menu("ESH_MT_presets", icon="PRESET")
 
 
 class ESH_MT_assets(bpy.types.Menu):

@@ -316,7 +316,6 @@ def test_every_operator_is_in_the_object_menu():
         "esh.class_move",
         "esh.size_move",
         "esh.layer_move",
-        "esh.preset_apply",
     }
     of_assets: list[str] = []
     Layout(of_assets).menu("ESH_MT_assets")
