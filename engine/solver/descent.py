@@ -160,7 +160,9 @@ class Descent:
                 pose = wp.array(values, dtype=wp.vec4, device=launcher.device)
         else:
             values = given.copy()
-            if np.isnan(values[:, 2:]).any():
+            if not self.rules.kind_count:
+                values[:, 2:] = 0.0
+            elif np.isnan(values[:, 2:]).any():
                 first = self.rules.first_angle_and_length(values[:, :2], 1.0)
                 values[:, 2:] = np.where(np.isnan(values[:, 2:]), first, values[:, 2:])
             step = step_along_lines(model) if self._begins_short else 0.0
@@ -168,7 +170,7 @@ class Descent:
                 # As at any start they grow as long as they are to be where there is room.
                 values[self.rules.without_room(values, step), 3] *= FIRST_LENGTH
             values[model.fixed, 2:] = self.rules.fixed_angle_and_length()
-            pose = wp.array(values.astype(np.float32), dtype=wp.vec4, device=launcher.device)
+            pose = wp.array(values.astype(np.float32, copy=False), dtype=wp.vec4, device=launcher.device)
         n = model.body_count
         return State(
             pose=pose,

@@ -15,6 +15,7 @@ import numpy as np
 import warp as wp
 
 from ..problem.image_filters import gaussian_blur
+from ..problem.of_bodies import is_same
 from ..problem.problem import Problem
 from ..space.density import box_integrals, move_into_support, sample_density
 from .attraction import BLUR_OF_FIXED, vacancy
@@ -47,9 +48,10 @@ class _Change:
         wanted: How many of them each cell is to have; row 0 at the bottom.
         there: How many each cell has.
         stays: Whether each of ``pool`` stays; at first, whether it has a place at all.
-        surplus: How many are to go of those that have one, where most stay.
-        thinned: Which of ``pool`` are where most are to go.
-        survivors: How many of these are to stay.
+        too_many: Places in ``pool`` of those where some are to go, but most stay.
+        thinned: Of those where most are to go.
+        surplus: How many are to go where most stay.
+        survivors: How many are to stay where most go.
         placed: Old indices of those of them that are to be at the points that were spread for them, in their order.
     """
 
@@ -58,39 +60,46 @@ class _Change:
     wanted: np.ndarray
     there: np.ndarray
     stays: np.ndarray
-    surplus: int
+    too_many: np.ndarray
     thinned: np.ndarray
+    surplus: int
     survivors: int
     placed: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @property
     def counts(self) -> list[int]:
-        """How many points are spread over each of :attr:`densities`."""
-        staying = int((self.stays & ~self.thinned).sum()) - self.surplus + self.survivors
+        """How many points are spread: for those that go, that survive where most go, and that come."""
+        staying = int(np.count_nonzero(self.stays)) - len(self.thinned) - self.surplus + self.survivors
         return [self.surplus, self.survivors, len(self.rows) - staying]
 
     @property
     def densities(self) -> list[np.ndarray]:
-        """Where bodies go, where they survive, and where they come."""
+        """Over what they are spread; any density for none."""
+        goes, survives, comes = (count > 0 for count in self.counts)
         most_go = self.wanted < FEW * self.there
-        loss = np.where(most_go, 0.0, np.maximum(self.there - self.wanted, 0.0))
-        return [_somewhere(loss, self.wanted), _somewhere(np.where(most_go, self.wanted, 0.0), self.wanted), self.gain]
+        loss = survival = gain = self.wanted
+        if goes:
+            loss = _somewhere(np.where(most_go, 0.0, np.maximum(self.there - self.wanted, 0.0)), self.wanted)
+        if survives:
+            survival = _somewhere(np.where(most_go, self.wanted, 0.0), self.wanted)
+        if comes:
+            gain = _somewhere(np.maximum(self.wanted - self.there, 0.0), self.wanted)
+        return [loss, survival, gain]
 
     def thin_out(self, points: list[np.ndarray], position: np.ndarray, problem: Problem) -> None:
         """Decide who stays, by the points that were spread over the first two densities."""
-        candidates = np.flatnonzero(self.stays & ~self.thinned)
-        self.stays[candidates[_nearest(points[0], position[self.pool[candidates]], problem)]] = False
-        candidates = np.flatnonzero(self.thinned)
-        self.stays[candidates] = False
-        chosen = candidates[_nearest(points[1], position[self.pool[candidates]], problem)]
+        cells = max(1, int(math.sqrt(len(self.pool))))
+        candidates = self.too_many
+        if self.surplus > len(candidates):
+            candidates = np.flatnonzero(self.stays)
+            candidates = np.setdiff1d(candidates, self.thinned, assume_unique=True)
+        going = _nearest(points[0], position[self.pool[candidates]], problem, cells)
+        self.stays[candidates[going]] = False
+        self.stays[self.thinned] = False
+        chosen = self.thinned[_nearest(points[1], position[self.pool[self.thinned]], problem, cells)]
         self.stays[chosen] = True
-        if len(chosen) < len(candidates):
+        if len(chosen) < len(self.thinned):
             self.placed = self.pool[chosen]
-
-    @property
-    def gain(self) -> np.ndarray:
-        """How many each cell is to gain."""
-        return _somewhere(np.maximum(self.wanted - self.there, 0.0), self.wanted)
 
 
 # Gets densities, row 0 at the bottom, and counts; returns as many points [m] for each.
@@ -120,7 +129,6 @@ def carry_over(old: Model, position: np.ndarray, model: Model, first_identity: i
     used[source[fixed][source[fixed] >= 0]] = True
     taken = used.copy()
     changes = _changes(old, position, model, used)
-
     points = spread(
         [density for change in changes for density in change.densities],
         [count for change in changes for count in change.counts],
@@ -132,24 +140,25 @@ def carry_over(old: Model, position: np.ndarray, model: Model, first_identity: i
         at = points[3 * number + 2]
         staying = change.pool[change.stays]
         old_rows, new_rows = _seats(change.rows, len(staying), body.area)
-        # Bodies of a range keep their ranks.
-        by_area = len(staying) and np.ptp(before.area[staying]) > 0.0
-        source[old_rows] = staying[np.argsort(before.area[staying], kind="stable")] if by_area else staying
-        result[old_rows] = position[source[old_rows]]
+        if not is_same(before.area) and len(staying) and np.ptp(before.area[staying]) > 0.0:
+            # Bodies of a range keep their ranks.
+            staying = staying[np.argsort(before.area[staying], kind="stable")]
+        source[_run(old_rows)] = staying
+        result[_run(old_rows)] = position.take(staying, axis=0)
         if len(change.placed):
             # Where few are left of many they are as even as points are, not as those that they were among.
             row_of = np.zeros(old.body_count, np.int64)
             row_of[source[old_rows]] = old_rows
             result[row_of[change.placed]] = points[3 * number + 1]
             elsewhere.append(row_of[change.placed])
-        result[new_rows] = at
+        result[_run(new_rows)] = at
+    is_new = source < 0
     gone = ~taken
-    gone[source[source >= 0]] = False
-    identity = body.identity.astype(np.int64)
-    carried = (source >= 0) & ~model.fixed
-    identity[carried] = before.identity[source[carried]]
-    fresh = (source < 0) & ~model.fixed
-    identity[fresh] = first_identity + np.arange(int(fresh.sum()))
+    gone[source[~is_new]] = False
+    # Of new ones it is anything for now.
+    identity = np.where(model.fixed, body.identity, before.identity.take(source, mode="clip")).astype(np.int64)
+    fresh = np.flatnonzero(is_new & ~model.fixed)
+    identity[fresh] = first_identity + np.arange(len(fresh))
     result = _in_support(model, result)
     away = np.concatenate(elsewhere)
     moved = np.concatenate([result[away], position[source[away]]])
@@ -167,24 +176,35 @@ def _changes(old: Model, position: np.ndarray, model: Model, used: np.ndarray) -
         old_sizes = {} if k < 0 else {s.name: i for i, s in enumerate(old.problem.classes[k].sizes)}
         order = _order(body_class.body_count)
         asked = _asked(model, c, order)
-        asked_before = _asked(old, k, order) if k >= 0 else np.zeros_like(asked)
+        asked_before = np.zeros_like(asked)
+        if k >= 0:
+            asked_before = asked if _ask_alike(model, c, old, k) else _asked(old, k, order)
         for s, size in enumerate(body_class.sizes):
             rows = np.flatnonzero((body.class_index == c) & (body.size_index == s) & ~model.fixed)
             of_size = (before.class_index == k) & (before.size_index == old_sizes.get(size.name, -1))
             pool = np.flatnonzero(of_size & ~used)
             used[pool] = True
-            there = int((of_size & ~old.fixed).sum()) * asked_before
+            there = float(np.count_nonzero(of_size & ~old.fixed)) * asked_before
             # Who is pinned now no longer counts, who was let go does.
             for sign, group in ((-1.0, of_size & ~old.fixed & pinned_now), (1.0, of_size & old.fixed & ~pinned_now)):
                 if group.any():
                     there = np.maximum(
                         there + sign * _blurred(position[group], model, body_class.body_count, order), 0.0
                     )
-            if len(pool) and there.any():
-                there *= len(pool) / there.sum()
+            total = float(there.sum())
+            if len(pool) and total > 0.0 and total != len(pool):
+                there = there * (len(pool) / total)
             wanted = len(rows) * asked
-            changes.append(_change(rows, pool, wanted, there, position[pool], model.problem))
+            changes.append(_change(rows, pool, wanted, there, position, model.problem))
     return changes
+
+
+def _ask_alike(one: Model, class_index: int, other: Model, other_index: int) -> bool:
+    """Whether two classes of two models are to be placed alike, but for their numbers, and nobody is fixed in either."""
+    if one.has_fixed or other.has_fixed:
+        return False
+    images = one.problem.classes[class_index].density_image, other.problem.classes[other_index].density_image
+    return images[0] is images[1] or np.array_equal(*images)
 
 
 def _somewhere(density: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
@@ -202,34 +222,49 @@ def _blurred(position: np.ndarray, model: Model, count: int, order: int) -> np.n
 def _change(
     rows: np.ndarray, pool: np.ndarray, wanted: np.ndarray, there: np.ndarray, position: np.ndarray, problem: Problem
 ) -> _Change:
-    """See :class:`_Change`; ``position`` are those of the pool [m]."""
-    column, row = _cells_of(position, len(wanted), problem)
-    ratio = wanted[row, column] / np.maximum(there[row, column], 1e-300)
-    going = np.clip(1.0 - ratio, 0.0, 1.0)
-    going[going < UNCHANGED] = 0.0
-    stays = going < 1.0
-    thinned = stays & (ratio < FEW)
-    survivors = min(round(float((1.0 - going[thinned]).sum())), len(rows))
-    most_stay = stays & ~thinned
-    surplus = round(float(going[most_stay].sum()))
+    """See :class:`_Change`; ``position`` are those of all bodies before [m]."""
+    cells = len(wanted)
+    column, row = _cells_of(position[_run(pool)], cells, problem)
+    ratio = (wanted / np.maximum(there, 1e-300)).ravel().take(row * cells + column)
+    # Where nothing has changed, and where more are to come, all stay.
+    fewer = np.flatnonzero(ratio <= 1.0 - UNCHANGED)
+    ratio = ratio[fewer]
+    stays = np.ones(len(pool), bool)
+    stays[fewer[ratio <= 0.0]] = False
+    thinned, too_many = (ratio > 0.0) & (ratio < FEW), ratio >= FEW
+    survivors = min(round(float(ratio[thinned].sum())), len(rows))
+    surplus = round(float((1.0 - ratio[too_many]).sum()))
+    thinned, too_many = fewer[thinned], fewer[too_many]
+    has_place = int(np.count_nonzero(stays))
+    most_stay = has_place - len(thinned)
     # As many come as the densities say; how many stay for that is decided where most go, or else where most stay. There is never one
     # more than is asked for.
     coming = round(float(np.maximum(wanted - there, 0.0).sum()))
-    staying = min(max(len(rows) - coming, 0), int(stays.sum()))
-    of_thinned = survivors if surplus > survivors else staying - (int(most_stay.sum()) - surplus)
-    survivors = min(max(of_thinned, 0), int(thinned.sum()), staying)
-    surplus = min(max(int(most_stay.sum()) - (staying - survivors), 0), int(most_stay.sum()))
-    return _Change(rows, pool, wanted, there, stays, surplus, thinned, survivors)
+    staying = min(max(len(rows) - coming, 0), has_place)
+    of_thinned = survivors if surplus > survivors else staying - (most_stay - surplus)
+    survivors = min(max(of_thinned, 0), len(thinned), staying)
+    surplus = min(max(most_stay - (staying - survivors), 0), most_stay)
+    return _Change(rows, pool, wanted, there, stays, too_many, thinned, surplus, survivors)
 
 
-def _nearest(points: np.ndarray, position: np.ndarray, problem: Problem) -> np.ndarray:
-    """Indices of bodies, a different one for each point: the nearest that is left of those in the cells around it."""
+def _run(indices: np.ndarray) -> np.ndarray | slice:
+    """Indices as a slice where each follows the one before: NumPy copies a run ten times as fast."""
+    count = len(indices)
+    if count and indices[-1] - indices[0] + 1 == count and (indices[1:] > indices[:-1]).all():
+        return slice(int(indices[0]), int(indices[-1]) + 1)
+    return indices
+
+
+def _nearest(points: np.ndarray, position: np.ndarray, problem: Problem, cells: int) -> np.ndarray:
+    """Indices of bodies, a different one for each point: the nearest that is left of those in the cells around it.
+
+    There are so many ``cells`` along either side of the domain.
+    """
     count = len(points)
     if count == 0:
         return np.zeros(0, np.int64)
     if count >= len(position):
         return np.arange(len(position))
-    cells = max(1, int(math.sqrt(len(position))))
     column, row = _cells_of(position, cells, problem)
     key = row * cells + column
     by_cell = np.argsort(key, kind="stable")
@@ -246,7 +281,8 @@ def _nearest(points: np.ndarray, position: np.ndarray, problem: Problem) -> np.n
         entry = first[:, None] + np.arange(IN_ROW)
         candidates.append(np.where(entry < last[:, None], by_cell[np.minimum(entry, len(key) - 1)], -1))
     found = np.concatenate(candidates, axis=1)
-    away = ((position[found] - points[:, None]) ** 2).sum(axis=2)
+    # Axis by axis: along rows of two numbers NumPy is several times slower.
+    away = sum((position[:, axis].take(found, mode="clip") - points[:, axis, None]) ** 2 for axis in (0, 1))
     away[found < 0] = np.inf
     ranked = np.take_along_axis(found, np.argsort(away, axis=1, kind="stable"), axis=1).tolist()
     free = [True] * len(position)
@@ -305,6 +341,8 @@ def _length_factors(old: Model, factor: np.ndarray, model: Model) -> np.ndarray:
 
 def _seats(rows: np.ndarray, staying: int, area: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Which rows of a size stay with those that are there, and which are new ones': evenly among its areas, smallest first."""
+    if is_same(area):
+        return rows[:staying], rows[staying:]
     by_area = rows[np.argsort(area[rows], kind="stable")]
     new = len(rows) - staying
     if area[by_area[0]] == area[by_area[-1]] if len(rows) else True:
@@ -339,7 +377,8 @@ def _cells_of(position: np.ndarray, cells: int, problem: Problem) -> tuple[np.nd
 
 def _in_support(model: Model, position: np.ndarray) -> np.ndarray:
     """Bodies that are not fixed, brought to where they may be."""
-    position = np.clip(position, 0.0, model.problem.rectangle.size)
+    for axis, length in enumerate(model.problem.rectangle.size):
+        np.clip(position[:, axis], 0.0, length, out=position[:, axis])
     for k, support in enumerate(model.supports):
         if (support > 0.0).all():
             continue

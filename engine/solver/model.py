@@ -145,11 +145,13 @@ class Model:
 
     def carry(self, old: Model, carried: CarriedOver) -> None:
         """Give bodies that were in another model before the identities and flags that they had there."""
-        came = carried.source >= 0
-        flags = self.body.flags.copy()
-        # Whom the problem fixed before, it may have let go.
-        kept = np.where(old.fixed, old.body.flags & ~int(BodyFlags.PINNED), old.body.flags)
-        flags[came] |= kept[carried.source[came]]
+        flags = self.body.flags
+        if old.body.flags.any():
+            came = carried.source >= 0
+            flags = flags.copy()
+            # Whom the problem fixed before, it may have let go.
+            kept = np.where(old.fixed, old.body.flags & ~int(BodyFlags.PINNED), old.body.flags)
+            flags[came] |= kept[carried.source[came]]
         self.body = replace(self.body, identity=carried.identity.astype(np.int32), flags=flags)
         self.footprints = _carried_outlines(old.footprints, self.footprints, carried.source)
 
@@ -242,6 +244,8 @@ def _typical_spacing(problem: Problem, surface: Surface) -> float:
 
 def _carried_outlines(old: BodyFootprints, new: BodyFootprints, source: np.ndarray) -> BodyFootprints:
     """Outlines of a new model in which bodies that were there before keep theirs, where their size still has the same variants."""
+    if not new.has_outlines:
+        return new
     came = np.flatnonzero((source >= 0) & new.is_outline)
     came = came[old.is_outline[source[came]]]
     variant, scale = new.variant.copy(), new.scale.copy()

@@ -69,6 +69,8 @@ OVERFLOW = (
 EDIT_STEPS = 5
 FEWEST_SETTLING, MOST_SETTLING = 6, 16
 BODIES_TO_SETTLE = 80_000
+# Identities up to so many times the number of bodies are told apart by a table.
+MOST_PER_BODY = 16
 # An edit that makes so many times more or fewer charges gets another unit of length.
 MOST_GROWTH = 1.5
 # Steps on a GPU between two looks at how far bodies still move, where nobody wants to hear of each.
@@ -336,18 +338,9 @@ class Solver:
         ratio = problem.charge_count / before.charge_count
         model = Model(problem, unit=before.unit if 1.0 / MOST_GROWTH < ratio < MOST_GROWTH else None)
         old = before_edit.state
-        pose = old.pose.numpy().astype(np.float64)
-        position = before_edit.positions()
-        carried = carry_over(before, position, model, self._next_identity, self._spread)
+        carried = carry_over(before, before_edit.positions(), model, self._next_identity, self._spread)
         model.carry(before, carried)
-        start = np.full((model.body_count, 4), np.nan)
-        start[:, :2] = carried.position / model.unit
-        came = carried.source >= 0
-        start[came, 2] = pose[carried.source[came], 2]
-        start[came, 3] = pose[carried.source[came], 3] * (before.unit / model.unit)
-        # What was another kind of body has neither angle nor length.
-        other = came & (_charges_per_body(model) != _charges_per_body(before)[carried.source])
-        start[other | (model.body.kind < 0), 2:] = np.nan
+        start = _carried_poses(before, old, model, carried)
         descent = Descent(model, self.launcher, pose=start, new=start[carried.new, :2])
         carry_lines(before, old, model, descent.state, carried)
         _carry_turns(before, old, model, descent.state, carried)
@@ -671,8 +664,28 @@ class Solver:
 
 def _only_in_first(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Identities that only the first holds, rising; in either there is each once."""
-    # To look for repetitions as well takes newer NumPy seconds.
-    return np.sort(np.setdiff1d(one, other, assume_unique=True))
+    largest = max(int(one.max(initial=0)), int(other.max(initial=0)))
+    if largest > MOST_PER_BODY * len(one):
+        # To look for repetitions as well takes newer NumPy seconds.
+        return np.sort(np.setdiff1d(one, other, assume_unique=True))
+    in_other = np.zeros(largest + 1, bool)
+    in_other[other] = True
+    return np.sort(one[~in_other[one]])
+
+
+def _carried_poses(old: Model, before: State, model: Model, carried: CarriedOver) -> np.ndarray:
+    """Where bodies begin after an edit, and how lines lie that were there, shape ``[body_count, 4]``; NaN for how others do."""
+    pose = np.zeros((model.body_count, 4), np.float64 if model.kinds else np.float32)
+    for axis in (0, 1):
+        pose[:, axis] = carried.position[:, axis] / model.unit
+    if model.kinds:
+        pose[:, 2:] = np.nan
+        came = np.flatnonzero((carried.source >= 0) & (model.body.kind >= 0))
+        # What was another kind of body has neither angle nor length.
+        came = came[_charges_per_body(model)[came] == _charges_per_body(old)[carried.source[came]]]
+        pose[came, 2:] = before.pose.numpy()[carried.source[came], 2:]
+        pose[came, 3] *= old.unit / model.unit
+    return pose
 
 
 def _charges_per_body(model: Model) -> np.ndarray:
@@ -681,6 +694,8 @@ def _charges_per_body(model: Model) -> np.ndarray:
 
 def _carry_turns(old: Model, before: State, model: Model, state: State, carried: CarriedOver) -> None:
     """Let bodies that were there before lie as they lay."""
+    if not model.footprints.has_outlines:
+        return
     came = np.flatnonzero((carried.source >= 0) & model.footprints.is_outline & ~model.fixed)
     came = came[old.footprints.is_outline[carried.source[came]]]
     turn = state.turn.numpy().copy()
