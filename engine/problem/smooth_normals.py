@@ -8,7 +8,7 @@ import numpy as np
 
 from .unit_vectors import unit_vectors
 
-__all__ = ["corner_normals", "creased_sides"]
+__all__ = ["corner_normals", "creased_sides", "sides_of"]
 
 # Where no triangle around a vertex looks farther from their mean than this, the surface is smooth there.
 SMOOTH_COSINE = math.cos(math.radians(20.0))

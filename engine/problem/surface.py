@@ -189,12 +189,12 @@ class Surface:
         """Whether a crease or the surface's end lies at the side opposite of each corner, shape ``[t, 3]``."""
         return creased_sides(self.corner_normal, self.welded)
 
-    @property
+    @cached_property
     def low(self) -> np.ndarray:
         """Smallest coordinates [m], shape ``[3]``."""
         return self.position[self.triangle].min(axis=(0, 1))
 
-    @property
+    @cached_property
     def high(self) -> np.ndarray:
         """Largest ones."""
         return self.position[self.triangle].max(axis=(0, 1))

@@ -15,6 +15,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..problem.smooth_normals import sides_of
 from ..problem.surface import PointsOnSurface, Surface
 from ..space.cell_sort import CellSort
 from . import kernels_heat
@@ -50,15 +51,15 @@ class HeatMesh:
         self._launcher, self._surface = launcher, surface
         self.spacing = math.sqrt(surface.area / count)
         triangles = len(surface.triangle)
-        corner = surface.position[surface.triangle] - surface.low
+        corner = surface.position[surface.triangle]
         longest = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
         # Large triangles take most of the area.
         typical = float((longest * surface.triangle_area).sum() / surface.area)
         most = math.sqrt(max(MOST_PER_BODY * count, FEWEST) / triangles)
         self._cuts = cuts = max(1, min(math.ceil(PER_SPACING * typical / self.spacing), int(most)))
-        place = np.array([(i, j) for j in range(cuts + 1) for i in range(cuts + 1 - j)]) / cuts
-        self._weights = np.column_stack([1.0 - place.sum(axis=1), place])
-        number = {(i, j): k for k, (i, j) in enumerate((i, j) for j in range(cuts + 1) for i in range(cuts + 1 - j))}
+        place = np.array([(i, j) for j in range(cuts + 1) for i in range(cuts + 1 - j)])
+        self._weights = np.column_stack([cuts - place.sum(axis=1), place]) / cuts
+        number = {(i, j): k for k, (i, j) in enumerate(place.tolist())}
         pattern = []
         for j in range(cuts):
             for i in range(cuts - j):
@@ -66,18 +67,17 @@ class HeatMesh:
                 if i < cuts - j - 1:
                     pattern.append((number[i + 1, j + 1], number[i, j + 1], number[i + 1, j]))
         self._pattern = np.array(pattern)
-        vertex = (self._weights @ corner).reshape(-1, 3)
-        self._index = self._joined(vertex, corner).reshape(triangles, -1)
+        self._index, n = _vertices_of(surface.welded, np.column_stack([cuts - place.sum(axis=1), place]))
         self._face = face = self._index[:, self._pattern].reshape(-1, 3)
-        n = int(face.max()) + 1
         stiffness = self._stiffness(corner, n)
         mass, diagonal, bound = (launcher.empty(n, wp.float64) for _ in range(3))
         launcher.launch(kernels_heat.sum_at_vertices, n, [stiffness], [mass, diagonal, bound], grain=GRAIN_OF_NEIGHBORS)
         # A vertex that slivers tie fast to its neighbors is as slow as the finest detail that matters.
         fastest = 4.0 / (FINEST * self.spacing) ** 2
-        self._mass = np.maximum(mass.numpy(), bound.numpy() / fastest)
+        self._area, bounds = mass.numpy(), bound.numpy()
+        self._mass = np.maximum(self._area, bounds / fastest)
         self._root = np.sqrt(self._mass)
-        self._largest = float((bound.numpy() / self._mass).max())
+        self._largest = float((bounds / self._mass).max())
         root = launcher.array(self._root, wp.float64)
         column, value = launcher.empty(2 * face.size, wp.int32), launcher.empty(2 * face.size, float)
         launcher.launch(kernels_heat.fill_operator, n, [stiffness, root], [column, value], grain=GRAIN_OF_NEIGHBORS)
@@ -118,11 +118,10 @@ class HeatMesh:
         Args:
             density: Of points on the surface, shape ``[n]``; it is asked at three in every small triangle, many at a time.
         """
+        if density is None:
+            return self._area / self._area.sum()
         area = self._surface.triangle_area / self._cuts**2
         small = len(self._pattern)
-        if density is None:
-            even = np.bincount(self._face.ravel(), np.repeat(area / 3.0, 3 * small), len(self._mass))
-            return even / even.sum()
         share = np.zeros(len(self._mass))
         weight = (INNER @ self._weights[self._pattern]).reshape(-1, 3)
         face = self._face.reshape(-1, small, 3)
@@ -165,12 +164,38 @@ class HeatMesh:
             before, now = now, before
         return result.numpy().astype(np.float64) / self._root
 
-    def _joined(self, vertex: np.ndarray, corner: np.ndarray) -> np.ndarray:
-        """Numbers of vertices that are one where they lie in one place, int32."""
-        extent = float(corner.max()) or 1.0
-        cell = np.round(vertex / extent * (1 << 20)).astype(np.int64)
-        number = np.unique((cell[:, 0] << 42) | (cell[:, 1] << 21) | cell[:, 2], return_inverse=True)[1]
-        return number.ravel().astype(np.int32)
+
+def _vertices_of(welded: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, int]:
+    """Number the vertices that triangles have when they are cut; those on shared corners and sides are one.
+
+    Args:
+        welded: Numbers of the corners of the triangles, shape ``[t, 3]``.
+        steps: Where the vertices of each lie: weights of its corners, whole numbers of the same sum, shape ``[p, 3]``.
+
+    Returns:
+        The number of every vertex, shape ``[t, p]``, int32, and how many there are.
+    """
+    triangles, cuts = len(welded), int(steps[0].sum())
+    result = np.empty((triangles, len(steps)), np.int32)
+    count = int(welded.max()) + 1
+    start, end, key = (values.reshape(-1, 3) for values in sides_of(welded))
+    # A side whose ends are one is a point.
+    is_side = start != end
+    side = np.zeros(is_side.shape, np.int64)
+    sides, side[is_side] = np.unique(key[is_side], return_inverse=True)
+    for k in range(3):
+        ahead, behind = (k + 1) % 3, (k + 2) % 3
+        result[:, np.flatnonzero(steps[:, k] == cuts)] = welded[:, k, None]
+        on_side = np.flatnonzero((steps[:, k] == 0) & (steps[:, ahead] > 0) & (steps[:, behind] > 0))
+        # Along it from the end with the smaller number, so that the triangles beside it agree.
+        forward = (start[:, k] < end[:, k])[:, None]
+        along = np.where(forward, steps[on_side, behind], steps[on_side, ahead])
+        numbers = count + side[:, k, None] * (cuts - 1) + along - 1
+        result[:, on_side] = np.where(is_side[:, k, None], numbers, start[:, k, None])
+    count += len(sides) * (cuts - 1)
+    inner = np.flatnonzero((steps > 0).all(axis=1))
+    result[:, inner] = count + np.arange(triangles * len(inner)).reshape(triangles, -1)
+    return result, count + triangles * len(inner)
 
 
 def _chebyshev(half: float) -> np.ndarray:

@@ -54,6 +54,43 @@ def in_plane_between(vector: wp.vec3d, normal: wp.vec3d, between: wp.vec3d):
     )
 
 
+@wp.kernel
+def look_smoothly(
+    first: int,
+    triangle: wp.array(dtype=wp.int32),
+    barycentric: wp.array(dtype=wp.vec3d),
+    corner_normal: wp.array(dtype=wp.vec3d),
+    normal: wp.array(dtype=wp.vec3d),
+    tangent: wp.array(dtype=wp.vec3d),
+    # outputs
+    smooth: wp.array(dtype=wp.vec3d),
+    along: wp.array(dtype=wp.vec3d),
+):
+    """Where the smooth surface looks to at bodies, between the corners of their triangles; and their x axes, turned along it."""
+    i = first + wp.tid()
+    corner = 3 * triangle[i]
+    weight = barycentric[i]
+    looks = weight[0] * corner_normal[corner]
+    looks += weight[1] * corner_normal[corner + 1]
+    looks += weight[2] * corner_normal[corner + 2]
+    smooth[i] = wp.normalize(looks)
+    along[i] = in_plane_between(tangent[i], normal[i], smooth[i])
+
+
+@wp.kernel
+def take_units(
+    first: int,
+    position: wp.array(dtype=wp.vec3d),
+    unit: wp.float64,
+    # outputs
+    in_units: wp.array(dtype=wp.vec3),
+):
+    """Positions in a unit, in single precision."""
+    i = first + wp.tid()
+    p = position[i] / unit
+    in_units[i] = wp.vec3(float(p[0]), float(p[1]), float(p[2]))
+
+
 @wp.func
 def depth_on_sheet(i: int, j: int, way: wp.vec3d, distance: wp.float64, sheets: Sheets, shapes: Shapes):
     """How deep two outlines lie in each other in the plane between them."""

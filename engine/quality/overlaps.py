@@ -14,7 +14,7 @@ from ..problem.domain import Domain
 from ..problem.of_bodies import of_all, one_by_one
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
-from ..problem.surface import Surface
+from ..problem.surface import PointsOnSurface, Surface
 from ..space.cell_sort import CellSort
 from ..space.meeting import meeting_of
 from ..space.space import Space
@@ -213,23 +213,26 @@ def overlaps_from(found: np.ndarray, depth: np.ndarray, pair: tuple[int, int], m
     return Overlaps(count, float(depth.max()), (one, other), tuple(middle.tolist()), tuple(named.tolist()))
 
 
-def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overlaps:
+def find_overlaps_on_surface(placement: Placement, points: PointsOnSurface, launcher: Launcher) -> Overlaps:
     """Return what overlaps in a placement on a surface, as :func:`overlaps_of` does.
 
     Two outlines are compared where they see each other along one sheet of the surface: in the plane between those that touch it at
     the two bodies, as far apart as these are in a straight line. What it touches is the smooth surface that the triangles stand for.
+
+    Args:
+        placement: The placement.
+        points: Where its bodies are.
+        launcher: Where to run.
     """
     n, surface = len(placement.position), placement.problem.domain
     if n == 0:
         return Overlaps(0)
     assert isinstance(surface, Surface)
-    assert placement.mesh is not None and placement.triangle is not None and placement.barycentric is not None
-    assert placement.normal is not None and placement.tangent is not None
-    points = surface.locate(placement.mesh, placement.triangle, placement.barycentric)
-    smooth = points.smooth_normal
-    along = _turned_with(placement.tangent, placement.normal, smooth)
     device, footprints = launcher.device, footprints_of_placement(placement)
-    bends = None if placement.bends is None else _laid_flat(placement.bends, placement.position, smooth, along)
+    sheets = _sheets(placement, points, launcher)
+    bends = placement.bends
+    if bends is not None:
+        bends = _laid_flat(bends, placement.position, sheets.normal.numpy(), sheets.along.numpy())
     pieces = 0 if bends is None else bends.shape[1] - 1
     most_corners = max([2, 2 * pieces, *(len(outline.corners) for outline in footprints.shapes)])
     shapes = laid_out(
@@ -248,12 +251,11 @@ def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overla
     shapes.meeting = meeting_of(launcher, placement.class_index, placement.problem.balance.classes_apart)
     reach = shapes.reach.numpy()
     unit = float(reach.max())
-    place = placement.position - 0.5 * (placement.position.min(axis=0) + placement.position.max(axis=0))
     # Only cells are in units.
-    in_units = wp.array((place / unit).astype(np.float32), dtype=wp.vec3, device=device)
+    in_units = launcher.empty(n, wp.vec3)
+    launcher.launch(kernels_sheets.take_units, n, [sheets.position, unit], [in_units])
     grid = wp.HashGrid(HASHED_CELLS, HASHED_CELLS, HASHED_CELLS, device=device)
     grid.build(in_units, 2.0)
-    sheets = _sheets(place, smooth, along, launcher)
     sheets.copies, sheets.most_corners = len(shapes.corner) - n * most_corners, most_corners
     found, deepest, partner = (launcher.empty(n, kind) for kind in (wp.int32, wp.float64, wp.int32))
 
@@ -280,22 +282,22 @@ def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overla
     return overlaps_from(found.numpy(), depth, (one, other), between)
 
 
-def _sheets(place: np.ndarray, normal: np.ndarray, along: np.ndarray, launcher: Launcher) -> kernels_sheets.Sheets:
+def _sheets(placement: Placement, points: PointsOnSurface, launcher: Launcher) -> kernels_sheets.Sheets:
     """Bodies on a surface as kernels take them, all on one sheet of it."""
+    n, surface = len(placement.position), points.surface
+    assert placement.normal is not None and placement.tangent is not None
+
+    def vectors(values: np.ndarray) -> wp.array:
+        return launcher.array(np.ascontiguousarray(values, np.float64).reshape(-1, 3), wp.vec3d)
+
     sheets = kernels_sheets.Sheets()
-    for name, values in (("position", place), ("normal", normal), ("along", along)):
-        setattr(sheets, name, launcher.array(np.ascontiguousarray(values, np.float64), wp.vec3d))
-    sheets.sheet = launcher.zeros(len(place), wp.int32)
+    sheets.position = vectors(placement.position - 0.5 * (surface.low + surface.high))
+    sheets.normal, sheets.along = launcher.empty(n, wp.vec3d), launcher.empty(n, wp.vec3d)
+    given = [points.barycentric, surface.corner_normal, placement.normal, placement.tangent]
+    triangle = launcher.array(points.triangle.astype(np.int32), wp.int32)
+    launcher.launch(kernels_sheets.look_smoothly, n, [triangle, *map(vectors, given)], [sheets.normal, sheets.along])
+    sheets.sheet = launcher.zeros(n, wp.int32)
     return sheets
-
-
-def _turned_with(vector: np.ndarray, normal: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Vectors, turned as their normals must be turned the shortest way to become others, shape ``[n, 3]``."""
-    axis = np.cross(normal, other)
-    cosine = (normal * other).sum(axis=1, keepdims=True)
-    return (
-        cosine * vector + np.cross(axis, vector) + axis * ((axis * vector).sum(axis=1, keepdims=True) / (1.0 + cosine))
-    )
 
 
 def _laid_flat(bends: np.ndarray, position: np.ndarray, normal: np.ndarray, along: np.ndarray) -> np.ndarray:

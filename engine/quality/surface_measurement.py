@@ -55,8 +55,10 @@ def measure_on_surface(placement: Placement, launcher: Launcher) -> SurfaceFigur
     mesh = HeatMesh(launcher, surface, len(area))
     targets = [mesh.target(c.density_on if c.varies_on_surface else None) for c in problem.classes]
     charges, errors = [], []
+    last = np.searchsorted(class_index, np.arange(len(problem.classes)), side="right")
     for k, body_class in enumerate(problem.classes):
-        own = class_index == k
+        # Bodies come one class after the other.
+        own = slice(int(last[k - 1]) if k else 0, int(last[k]))
         placed = mesh.charges(points.triangle[own], points.barycentric[own], area[own])
         charges.append(placed)
         errors.append(mesh.error(placed, targets[k], body_class.body_count))
@@ -68,24 +70,23 @@ def measure_on_surface(placement: Placement, launcher: Launcher) -> SurfaceFigur
     sample = surface.sample()
     allowed = np.mean(np.any([c.density_on(sample) > 0.0 for c in problem.classes], axis=0))
     covered = float(area.sum() / (surface.area * max(float(allowed), 1e-9)))
-    smallest, closest, usual = _spacing(placement, surface, launcher) or (None, None, None)
-    return SurfaceFigures(
-        errors, whole, smallest, closest, usual, find_overlaps_on_surface(placement, launcher), covered
-    )
+    smallest, closest, usual = _spacing(placement, points, launcher) or (None, None, None)
+    overlaps = find_overlaps_on_surface(placement, points, launcher)
+    return SurfaceFigures(errors, whole, smallest, closest, usual, overlaps, covered)
 
 
-def _spacing(placement: Placement, surface: Surface, launcher: Launcher) -> tuple[float, float, float] | None:
+def _spacing(placement: Placement, points: PointsOnSurface, launcher: Launcher) -> tuple[float, float, float] | None:
     """Distances to the nearest body of the same sheet: smallest over the hexagonal spacing asked for there, smallest, median [m]."""
-    problem, n = placement.problem, len(placement.position)
+    problem, surface, n = placement.problem, points.surface, len(placement.position)
     if n < 2:
         return None
-    points = _points(placement, surface)
-    sample = surface.sample()
-    number = np.zeros(n)
+    # A number for each, or one for all.
+    number: np.ndarray | float = 0.0
     for c in problem.classes:
-        number += c.body_count * c.density_on(points) / (surface.area * c.density_on(sample).mean())
+        asked = c.density_on(points) / c.density_on(surface.sample()).mean() if c.varies_on_surface else 1.0
+        number = number + c.body_count / surface.area * asked
     unit = 1.0 / math.sqrt(float(np.median(number)))
-    position, normal = _on_device(placement, unit, launcher)
+    position, normal = _on_device(placement, surface, unit, launcher)
     reach = NEIGHBORS
     grid = wp.HashGrid(CELLS, CELLS, CELLS, device=launcher.device)
     grid.build(position, reach)
@@ -97,13 +98,16 @@ def _spacing(placement: Placement, surface: Surface, launcher: Launcher) -> tupl
         [distance],
         grain=GRAIN_OF_NEIGHBORS,
     )
-    near = distance.numpy().astype(np.float64)
+    near = distance.numpy()
     found = near < reach
     if not found.any():
         return None
-    meters = near[found] * unit
-    smallest = float((meters * np.sqrt(number[found])).min()) / HEXAGONAL_SPACING
-    return smallest, float(meters.min()), float(np.median(meters))
+    closest = float(near.min()) * unit
+    if isinstance(number, np.ndarray):
+        smallest = float((near[found] * unit * np.sqrt(number[found])).min())
+    else:
+        smallest = closest * math.sqrt(number)
+    return smallest / HEXAGONAL_SPACING, closest, float(np.median(near[found])) * unit
 
 
 def _points(placement: Placement, surface: Surface) -> PointsOnSurface:
@@ -111,10 +115,9 @@ def _points(placement: Placement, surface: Surface) -> PointsOnSurface:
     return surface.locate(placement.mesh, placement.triangle, placement.barycentric)
 
 
-def _on_device(placement: Placement, unit: float, launcher: Launcher) -> tuple[wp.array, wp.array]:
-    """Positions in a unit, from their middle, and normals."""
-    middle = 0.5 * (placement.position.min(axis=0) + placement.position.max(axis=0))
-    position = ((placement.position - middle) / unit).astype(np.float32)
+def _on_device(placement: Placement, surface: Surface, unit: float, launcher: Launcher) -> tuple[wp.array, wp.array]:
+    """Positions in a unit, from the surface's middle, and normals."""
+    position = ((placement.position - 0.5 * (surface.low + surface.high)) / unit).astype(np.float32)
     assert placement.normal is not None
     normal = placement.normal.astype(np.float32)
     device = launcher.device

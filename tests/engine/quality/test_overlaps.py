@@ -242,7 +242,8 @@ def test_lines_that_bend_on_a_flat_surface_count_as_in_the_plane(launcher):
         triangle=np.where(below, 0, 1).astype(np.int32),
         barycentric=weights,
     )
-    found, expected = find_overlaps_on_surface(placement, launcher), overlapping_ribbons(flat)
+    points = placement.problem.domain.locate(placement.mesh, placement.triangle, placement.barycentric)
+    found, expected = find_overlaps_on_surface(placement, points, launcher), overlapping_ribbons(flat)
     assert found.count == len(expected) > 100
     assert set(found.bodies) == {body for pair in expected for body in pair}
     assert found.deepest == pytest.approx(overlaps_of(flat, launcher).deepest, rel=1e-6)
