@@ -20,6 +20,7 @@ import numpy as np
 import warp as wp
 
 from .devices import core_count, resolve_device
+from .prebuilt_gpu_kernels import load_prebuilt_on_gpu
 from .profile import Profile
 from .threads import Operation, Program, ThreadTeam
 
@@ -29,6 +30,7 @@ __all__ = [
     "Launcher",
     "Recording",
     "Until",
+    "launch_on_gpu",
     "launcher_of_process",
 ]
 
@@ -228,9 +230,19 @@ class Launcher:
         return recording
 
     def _launch_on_gpu(self, kernel: wp.Kernel, count: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> None:
-        wp.launch(
-            kernel, dim=count, inputs=list(inputs), outputs=list(outputs), device=self.device, block_dim=BLOCK_DIM
-        )
+        launch_on_gpu(kernel, count, [*inputs, *outputs], self.device)
+
+
+def launch_on_gpu(
+    kernel: wp.Kernel,
+    count: int | tuple[int, ...],
+    arguments: list[Any],
+    device: wp.Device,
+    block_dim: int = BLOCK_DIM,
+) -> None:
+    """Run a kernel on a GPU, with so many threads in a block; one that is prebuilt is not compiled."""
+    load_prebuilt_on_gpu(kernel.module, device, block_dim)
+    wp.launch(kernel, dim=count, inputs=arguments, device=device, block_dim=block_dim)
 
 
 @lru_cache(maxsize=1)

@@ -1,18 +1,16 @@
-"""The GPU's half of :mod:`.convolution`: the same transforms, as tiles in shared memory."""
+"""The GPU's half of :mod:`.convolution`: the same transforms, by threads that pass each other elements through shared memory."""
 
 from __future__ import annotations
 
 import warp as wp
 
-from ..device.launcher import BLOCK_DIM
+from ..device.launcher import BLOCK_DIM, launch_on_gpu
 from . import kernels_fft_gpu
 
 __all__ = ["LONGEST_ROW", "GpuTransforms"]
 
-# A row of complex float32 must fit into a block's shared memory (227 kB on recent GPUs, 99 kB on consumer ones).
+# The real parts of a row must fit into a block's shared memory, 48 kB on any GPU, and its elements into the registers of a block.
 LONGEST_ROW = 8192
-# Elements of a row per thread: fewer leave threads idle at the barriers, more spill registers.
-ELEMENTS_PER_THREAD = 16
 
 
 class GpuTransforms:
@@ -36,36 +34,33 @@ class GpuTransforms:
 
     def apply(self, influence: wp.array, meshes: wp.array, result: wp.array) -> None:
         """See :meth:`.convolution.Convolution.apply`."""
-        forward, back = kernels_fft_gpu.row_kernels(self._padded[1])
+        of_rows, of_columns = (kernels_fft_gpu.transforms_of(length) for length in reversed(self._padded))
         rows = self._count * self._shape[0], self._shape[1]
-        self._transform(forward, self._pairs.shape, [meshes.reshape(rows), self._pairs])
+        self._transform(of_rows.forward, self._pairs.shape, [meshes.reshape(rows), self._pairs])
         self._launch_tiles(kernels_fft_gpu.split_pairs, [self._pairs, self._shape[0]], self._columns)
-        self._transform(
-            kernels_fft_gpu.column_kernel(self._padded[0]),
-            self._columns.shape,
-            [influence.reshape(self.influence_shape), self._columns],
-        )
+        given = [influence.reshape(self.influence_shape), self._columns]
+        self._transform(of_columns.convolve, self._columns.shape, given)
         self._launch_tiles(kernels_fft_gpu.join_pairs, [self._columns, self._shape[0]], self._pairs)
-        self._transform(back, self._pairs.shape, [self._pairs, result.reshape(rows)])
+        self._transform(of_rows.back, self._pairs.shape, [self._pairs, result.reshape(rows)])
 
     def transform_even(self, quarter: wp.array, influence: wp.array) -> None:
         """See :meth:`.convolution.Convolution.influence_of`."""
         rows, columns = self._padded
         row_count = rows // 2 + 1
         pairs = wp.empty((row_count // 2 + 1, columns), dtype=wp.vec2, device=self._device)
-        forward, _ = kernels_fft_gpu.row_kernels(columns)
+        forward = kernels_fft_gpu.transforms_of(columns).forward
         self._transform(forward, pairs.shape, [quarter.reshape((row_count, columns)), pairs])
         half = wp.empty(self.influence_shape, dtype=wp.vec2, device=self._device)
         self._launch_tiles(kernels_fft_gpu.split_pairs, [pairs, row_count], half)
         whole = influence.reshape(self.influence_shape)
         self._launch(kernels_fft_gpu.unfold_columns, whole.shape, [half], whole)
         pairs = wp.empty((whole.shape[0] // 2 + 1, rows), dtype=wp.vec2, device=self._device)
-        forward, _ = kernels_fft_gpu.row_kernels(rows)
+        forward = kernels_fft_gpu.transforms_of(rows).forward
         self._transform(forward, pairs.shape, [whole, pairs])
         self._launch(kernels_fft_gpu.separate_pairs, whole.shape, [pairs], whole)
 
     def _launch(self, kernel: wp.Kernel, dim: int | tuple[int, ...], inputs: list, output: wp.array) -> None:
-        wp.launch(kernel, dim=dim, inputs=inputs, outputs=[output], device=self._device, block_dim=BLOCK_DIM)
+        self._launch_blocks(kernel, dim, [*inputs, output], BLOCK_DIM)
 
     def _launch_tiles(self, kernel: wp.Kernel, inputs: list, output: wp.array) -> None:
         """Launch blocks of threads that write square tiles of a matrix."""
@@ -74,7 +69,17 @@ class GpuTransforms:
         self._launch(kernel, tiles * kernels_fft_gpu.TILE_THREADS, inputs, output)
 
     def _transform(self, kernel: wp.Kernel, shape: tuple[int, int], arguments: list[wp.array]) -> None:
-        """Launch a block of threads for each of ``shape[0]`` rows of ``shape[1]`` elements."""
+        """Transform ``shape[0]`` rows of ``shape[1]`` elements, whole blocks of them."""
         count, length = shape
-        threads = max(32, min(512, length // ELEMENTS_PER_THREAD)) if self._device.is_cuda else 1
-        wp.launch_tiled(kernel, dim=[count], inputs=arguments, block_dim=threads, device=self._device)
+        threads, block = 1, 1
+        if self._device.is_cuda:
+            threads, block = kernels_fft_gpu.threads_of(length), kernels_fft_gpu.block_of(length)
+        dim = -(-count * threads // block) * block
+        self._launch_blocks(kernel, dim, arguments, block)
+
+    def _launch_blocks(self, kernel: wp.Kernel, dim: int | tuple[int, ...], arguments: list, block: int) -> None:
+        """Launch so many threads, on a CPU (in tests) too."""
+        if self._device.is_cuda:
+            launch_on_gpu(kernel, dim, arguments, self._device, block)
+        else:
+            wp.launch(kernel, dim=dim, inputs=arguments, device=self._device)

@@ -1,13 +1,19 @@
-"""Fourier transforms of mesh rows and columns on a GPU, by Warp's tile transforms.
+"""Fourier transforms of mesh rows and columns on a GPU.
 
 As on the CPU (:mod:`.kernels_fft`), two real rows travel through one complex transform, of which half is kept. Columns are transposed
-into rows, so every transform reads and writes whole rows. A tile's shape is part of its kernel, so kernels are made per length; they
-are compiled once and cached by Warp.
+into rows, so every transform reads and writes whole rows.
+
+A row is transformed by a group of threads, which hold :data:`ELEMENTS` of its elements each in registers: thread t of T has those
+at t, t + T, t + 2 T, ... Stockham's self-sorting algorithm with radix 16 finds all that a butterfly needs in one thread, and leaves
+the last pass's results where the first pass's were. So rows go through shared memory only between passes, the real parts first and
+then the imaginary ones. Every length has a module of its own, which is compiled when it is first needed.
 """
 
 from __future__ import annotations
 
+import math
 from functools import cache
+from typing import NamedTuple
 
 import warp as wp
 
@@ -16,71 +22,256 @@ wp.set_module_options({"enable_backward": False})
 # Threads of a block, and the side of the square tiles that they transpose.
 TILE_THREADS = wp.constant(256)
 TILE_SIDE = wp.constant(16)
+# Elements of a row that a thread holds, which is also the largest radix: 32 registers.
+ELEMENTS = 16
+# Short rows share a block of so many threads.
+FEWEST_THREADS = 128
+
+# What all transforms share. On a CPU, where it is tested, one thread does what those of a row do, one after the other.
+_COMMON = """
+    constexpr int N = {length}, E = {elements}, T = N / E;
+    #ifdef __CUDA_ARCH__
+        // Only the thread itself, one of several rows in a block.
+        constexpr int HELD = 1, ROWS = {rows_per_block};
+        const int row = thread / T, first_thread = thread % T;
+        __shared__ float shared[ROWS][N + N / E];
+        float* passed = shared[row % ROWS];
+        #define WAIT __syncthreads();
+        #define UNROLL _Pragma("unroll")
+    #else
+        constexpr int HELD = T;
+        const int row = thread, first_thread = 0;
+        float passed[N + N / E];
+        #define WAIT
+        #define UNROLL
+    #endif
+    #define EACH_THREAD UNROLL for (int h = 0; h < HELD; ++h)
+    #define EACH_ELEMENT UNROLL for (int j = 0; j < E; ++j)
+    #define COLUMN (first_thread + h + j * T)
+    // One more place after every sixteen: threads that are a multiple of 16 apart do not wait for the same bank.
+    #define PLACE(i) ((i) + (i) / E)
+    float real[HELD][E], imaginary[HELD][E];
+    auto multiply = [](float& a, float& b, float c, float s)
+    {{
+        const float product = a * c - b * s;
+        b = a * s + b * c;
+        a = product;
+    }};
+    auto two = [](float* x, float* y, int i, int k)
+    {{
+        const float a = x[k], b = y[k];
+        x[k] = x[i] - a; y[k] = y[i] - b;
+        x[i] += a; y[i] += b;
+    }};
+    auto four = [&two](float* x, float* y, int i, int j, int k, int l)
+    {{
+        two(x, y, i, k);
+        two(x, y, j, l);
+        // By -i.
+        const float a = x[l];
+        x[l] = y[l]; y[l] = -a;
+        two(x, y, i, j);
+        two(x, y, k, l);
+        // In the order of the frequencies: i, k, j, l.
+        const float b = x[j], c = y[j];
+        x[j] = x[k]; y[j] = y[k];
+        x[k] = b; y[k] = c;
+    }};
+"""
+
+# One pass over what `X` and `Y` name, the real and imaginary parts: radix R after passes of product L. Leaves frequency m of a
+# butterfly at place (m % A) * B + m / A, where R = A B.
+_PASS = """
+    {{
+        constexpr int R = {radix}, L = {done}, Q = E / R, B = {inner}, A = R / B;
+        EACH_THREAD
+        UNROLL for (int q = 0; q < Q; ++q)
+        {{
+            float x[R], y[R];
+            UNROLL for (int m = 0; m < R; ++m) {{ x[m] = {X}[h][q + m * Q]; y[m] = {Y}[h][q + m * Q]; }}
+            if (L > 1)
+            {{
+                const float turn = -2.0f / (float)(R * L) * (float)((first_thread + h + q * T) & (L - 1));
+                float c[R], s[R];
+                c[0] = 1.0f; s[0] = 0.0f;
+                #ifdef __CUDA_ARCH__
+                    sincospif(turn, &s[1], &c[1]);
+                #else
+                    c[1] = wp::cos(3.14159265358979f * turn); s[1] = wp::sin(3.14159265358979f * turn);
+                #endif
+                UNROLL for (int m = 2; m < R; ++m)
+                {{
+                    c[m] = c[m / 2]; s[m] = s[m / 2];
+                    multiply(c[m], s[m], c[m - m / 2], s[m - m / 2]);
+                }}
+                UNROLL for (int m = 1; m < R; ++m) multiply(x[m], y[m], c[m], s[m]);
+            }}
+            if (A == 4)
+                UNROLL for (int b = 0; b < B; ++b) four(x, y, b, B + b, 2 * B + b, 3 * B + b);
+            else
+                two(x, y, 0, 1);
+            if (B > 1)
+            {{
+                // exp(-2 pi i k / 16)
+                constexpr float cosine[10] = {{ {cosines} }};
+                constexpr float sine[10] = {{ {sines} }};
+                UNROLL for (int a = 1; a < A; ++a)
+                    UNROLL for (int b = 1; b < B; ++b)
+                        multiply(x[a * B + b], y[a * B + b], cosine[a * b * E / R], sine[a * b * E / R]);
+                UNROLL for (int a = 0; a < A; ++a)
+                    if (B == 4) four(x, y, a * B, a * B + 1, a * B + 2, a * B + 3);
+                    else two(x, y, a * B, a * B + 1);
+            }}
+            UNROLL for (int m = 0; m < R; ++m)
+            {{
+                {X}[h][q + m * Q] = x[m % A * B + m / A];
+                {Y}[h][q + m * Q] = y[m % A * B + m / A];
+            }}
+        }}
+        {exchange}
+    }}
+"""
+
+# From where a pass leaves elements to where the next one looks for them.
+_EXCHANGE = """
+        EACH_THREAD
+        UNROLL for (int q = 0; q < Q; ++q)
+        {{
+            const int butterfly = first_thread + h + q * T;
+            const int begin = butterfly / L * (L * R) + butterfly % L;
+            UNROLL for (int m = 0; m < R; ++m) passed[PLACE(begin + m * L)] = {X}[h][q + m * Q];
+        }}
+        WAIT
+        EACH_THREAD EACH_ELEMENT {X}[h][j] = passed[PLACE(COLUMN)];
+        WAIT
+"""
+
+_LOAD_ROWS = """
+    const int even = 2 * row;
+    EACH_THREAD EACH_ELEMENT
+    {
+        const bool there = COLUMN < rows.shape[1];
+        const size_t at = (size_t)even * rows.shape[1] + COLUMN;
+        real[h][j] = there && even < rows.shape[0] ? rows.data[at] : 0.0f;
+        imaginary[h][j] = there && even + 1 < rows.shape[0] ? rows.data[at + rows.shape[1]] : 0.0f;
+    }
+"""
+
+_STORE_ROWS = """
+    const int even = 2 * row;
+    EACH_THREAD EACH_ELEMENT if (COLUMN < rows.shape[1])
+    {
+        const size_t at = (size_t)even * rows.shape[1] + COLUMN;
+        if (even < rows.shape[0]) rows.data[at] = real[h][j];
+        if (even + 1 < rows.shape[0]) rows.data[at + rows.shape[1]] = imaginary[h][j];
+    }
+"""
+
+_LOAD_COMPLEX = """
+    EACH_THREAD EACH_ELEMENT if (row < complex.shape[0])
+    {
+        const wp::vec2 value = complex.data[(size_t)row * N + COLUMN];
+        real[h][j] = value[0];
+        imaginary[h][j] = value[1];
+    }
+"""
+
+_STORE_COMPLEX = """
+    EACH_THREAD EACH_ELEMENT if (row < complex.shape[0])
+        complex.data[(size_t)row * N + COLUMN] = wp::vec2(real[h][j], imaginary[h][j]);
+"""
+
+# The columns of one mesh come after those of another.
+_MULTIPLY = """
+    EACH_THREAD EACH_ELEMENT if (row < complex.shape[0])
+    {
+        const float factor = influence.data[(size_t)(row % influence.shape[0]) * N + COLUMN];
+        real[h][j] *= factor;
+        imaginary[h][j] *= factor;
+    }
+"""
 
 
-@wp.func
-def join(real: float, imaginary: float) -> wp.vec2:
-    return wp.vec2(real, imaginary)
+def _transform(length: int, *, inverse: bool = False) -> str:
+    """Code that transforms the rows that threads hold; the inverse, which is not divided by the length, with its parts swapped."""
+    x, y = ("imaginary", "real") if inverse else ("real", "imaginary")
+    turns = [-2.0 * math.pi * k / 16.0 for k in range(10)]
+    cosines, sines = (", ".join(f"{function(turn):.9f}f" for turn in turns) for function in (math.cos, math.sin))
+    code, done = "", 1
+    while done < length:
+        left = length // done
+        # The odd one comes first, which has no factors.
+        radix = ELEMENTS if _is_power(left, ELEMENTS) else left // ELEMENTS ** int(math.log(left, ELEMENTS))
+        exchange = "" if done * radix == length else "".join(_EXCHANGE.format(X=part) for part in (x, y))
+        inner = max(1, radix // 4)
+        code += _PASS.format(
+            radix=radix, done=done, inner=inner, X=x, Y=y, cosines=cosines, sines=sines, exchange=exchange
+        )
+        done *= radix
+    return code
 
 
-@wp.func
-def real_part(value: wp.vec2) -> float:
-    return value[0]
+def _is_power(number: int, base: int) -> bool:
+    while number % base == 0:
+        number //= base
+    return number == 1
 
 
-@wp.func
-def imaginary_part(value: wp.vec2) -> float:
-    return value[1]
+def threads_of(length: int) -> int:
+    """Threads that a row is transformed by."""
+    return length // ELEMENTS
 
 
-@wp.func
-def scaled(value: wp.vec2, factor: float) -> wp.vec2:
-    return factor * value
+def block_of(length: int) -> int:
+    """Threads of a block: those of a row, or of several short ones."""
+    return max(FEWEST_THREADS, threads_of(length))
 
 
-@cache
-def row_kernels(length: int) -> tuple[wp.Kernel, wp.Kernel]:
-    """Return the kernels that transform pairs of real rows into complex ones of ``length`` (a power of two), and back.
+class TransformsOfLength(NamedTuple):
+    """The kernels that transform rows of one length, which share a module. They want :func:`threads_of` threads for each.
 
-    Real rows are padded by zeros, and cut off, where they are shorter.
+    Attributes:
+        forward: Pairs of real rows into complex ones; real rows that are shorter are padded by zeros.
+        back: The inverse; real rows that are shorter are cut off.
+        convolve: Transforms columns, transposed into rows, multiplies them by an influence function and transforms them back.
     """
 
-    @wp.kernel(module="unique", enable_backward=False)
-    def transform_pairs(rows: wp.array2d(dtype=float), pairs: wp.array2d(dtype=wp.vec2)):
-        pair = wp.tid()
-        even = wp.tile_load(rows, shape=(1, length), offset=(2 * pair, 0))
-        odd = wp.tile_load(rows, shape=(1, length), offset=(2 * pair + 1, 0))
-        tile = wp.tile_map(join, even, odd)
-        wp.tile_fft(tile)
-        wp.tile_store(pairs, tile, offset=(pair, 0))
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def transform_pairs_back(pairs: wp.array2d(dtype=wp.vec2), rows: wp.array2d(dtype=float)):
-        pair = wp.tid()
-        tile = wp.tile_load(pairs, shape=(1, length), offset=(pair, 0))
-        wp.tile_ifft(tile)
-        wp.tile_store(rows, wp.tile_map(real_part, tile), offset=(2 * pair, 0))
-        wp.tile_store(rows, wp.tile_map(imaginary_part, tile), offset=(2 * pair + 1, 0))
-
-    return transform_pairs, transform_pairs_back
+    forward: wp.Kernel
+    back: wp.Kernel
+    convolve: wp.Kernel
 
 
 @cache
-def column_kernel(length: int) -> wp.Kernel:
-    """Return the kernel that transforms columns, transposed into rows, multiplies them by ``influence`` and transforms them back."""
+def transforms_of(length: int) -> TransformsOfLength:
+    """Return the kernels for rows of ``length``, a power of two and at least 64."""
+    # Registers are shared out among so many threads.
+    module, block = f"{__name__}_{length}", block_of(length)
+    common = _COMMON.format(length=length, elements=ELEMENTS, rows_per_block=block // threads_of(length))
+    there, back_again = _transform(length), _transform(length, inverse=True)
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.func_native(common + _LOAD_ROWS + there + _STORE_COMPLEX)
+    def of_rows(thread: int, rows: wp.array2d(dtype=float), complex: wp.array2d(dtype=wp.vec2)): ...
+
+    @wp.func_native(common + _LOAD_COMPLEX + back_again + _STORE_ROWS)
+    def to_rows(thread: int, complex: wp.array2d(dtype=wp.vec2), rows: wp.array2d(dtype=float)): ...
+
+    @wp.func_native(common + _LOAD_COMPLEX + there + _MULTIPLY + back_again + _STORE_COMPLEX)
+    def convolve_column(thread: int, influence: wp.array2d(dtype=float), complex: wp.array2d(dtype=wp.vec2)): ...
+
+    @wp.kernel(module=module, launch_bounds=block)
+    def transform_pairs(rows: wp.array2d(dtype=float), pairs: wp.array2d(dtype=wp.vec2)):
+        of_rows(wp.tid(), rows, pairs)
+
+    @wp.kernel(module=module, launch_bounds=block)
+    def transform_pairs_back(pairs: wp.array2d(dtype=wp.vec2), rows: wp.array2d(dtype=float)):
+        to_rows(wp.tid(), pairs, rows)
+
+    @wp.kernel(module=module, launch_bounds=block)
     def convolve(influence: wp.array2d(dtype=float), columns: wp.array2d(dtype=wp.vec2)):
-        column = wp.tid()
-        tile = wp.tile_load(columns, shape=(1, length), offset=(column, 0))
-        wp.tile_fft(tile)
-        # The columns of one mesh after those of another.
-        factor = wp.tile_load(influence, shape=(1, length), offset=(column % influence.shape[0], 0))
-        product = wp.tile_map(scaled, tile, factor)
-        wp.tile_ifft(product)
-        wp.tile_store(columns, product, offset=(column, 0))
+        convolve_column(wp.tid(), influence, columns)
 
-    return convolve
+    wp.set_module_options({"enable_backward": False}, module)
+    return TransformsOfLength(transform_pairs, transform_pairs_back, convolve)
 
 
 @wp.func
