@@ -14,6 +14,8 @@ RUN := $(VENV)/bin/python
 PIP_INSTALL := -m pip install --quiet --disable-pip-version-check
 OUTPUT ?= output
 PLATFORM ?=
+# Generations of GPUs to compile kernels for: all, unless it is set (GPUS="75 80 90"), to nothing for none.
+GPUS_OPTION := $(if $(filter undefined,$(origin GPUS)),,--gpus $(GPUS))
 SCENES ?= 10
 TREES ?= 10000000
 PLANET_ARGS ?=
@@ -97,16 +99,16 @@ fuzz: $(VENV)/.with-test
 	$(RUN) tools/fuzz.py --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED)
 
 extension: $(VENV)/.with-blender
-	@$(RUN) tools/build_extension.py $(if $(PLATFORM),--platform $(PLATFORM))
+	@$(RUN) tools/build_extension.py $(if $(PLATFORM),--platform $(PLATFORM)) $(GPUS_OPTION)
 
 # A folder that any web server can host: Blender installs and updates from it.
 repository: $(VENV)/.with-blender
-	@$(RUN) tools/build_repository.py $(if $(PLATFORM),--platform $(PLATFORM))
+	@$(RUN) tools/build_repository.py $(if $(PLATFORM),--platform $(PLATFORM)) $(GPUS_OPTION)
 
 wheel: $(VENV)/.with-release
 	rm -f dist/*.whl dist/*.tar.gz
 	$(RUN) -m build --outdir dist
-	$(RUN) tools/build_wheel.py dist/*-py3-none-any.whl
+	$(RUN) tools/build_wheel.py dist/*-py3-none-any.whl $(GPUS_OPTION)
 	$(RUN) -m twine check --strict dist/*.whl dist/*.tar.gz
 
 # Nothing is downloaded once Sphinx is installed; a warning is an error.

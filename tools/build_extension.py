@@ -1,8 +1,8 @@
 """Build the extension's zip for one platform, with its wheels: ``python tools/build_extension.py --platform linux-x64``.
 
 1. Download the wheels that the manifest lists for the platform into ``build/wheels`` (kept for the next time).
-2. Stage the package with a manifest that names only this platform and these wheels, and with its CPU kernels compiled where the
-   platform is this machine's.
+2. Stage the package with a manifest that names only this platform and these wheels, and with its kernels compiled: those for GPUs
+   where the platform has any, and those for the CPU where the platform is this machine's.
 3. Let Blender's own builder, found in pip's ``bpy``, check and pack it; Blender itself is not started.
 
 The result is ``dist/esh_scatter-<version>-<platform>.zip``.
@@ -20,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -34,6 +35,8 @@ WHEEL_TAGS = {
     "macos-arm64": ("macosx", "arm64"),
     "windows-x64": ("win", "amd64"),
 }
+# There is no CUDA on these.
+WITHOUT_CUDA = ("macos-arm64",)
 # What Python calls this machine -> the manifest's platform.
 MACHINES = {
     ("Linux", "x86_64"): "linux-x64",
@@ -110,20 +113,37 @@ def staged_manifest(text: str, target: str, wheels: list[str]) -> str:
     return text
 
 
-def compile_kernels(folder: Path) -> None:
-    """Put the CPU kernels into the package, compiled.
+def compile_kernels(folder: Path, target: str, gpus: Sequence[int] | None) -> None:
+    """Put the kernels into the package, compiled.
+
+    Args:
+        folder: Where to put them.
+        target: The platform; objects for its processors can be made only there, and elsewhere the first run compiles them.
+        gpus: Generations of GPUs; None for all.
 
     Raises:
         BuildError: They do not compile.
     """
     command = [sys.executable, str(ROOT / "tools" / "build_kernels.py"), str(folder)]
+    if target != current_platform():
+        command.append("--no-cpu")
+    if target in WITHOUT_CUDA:
+        gpus = ()
+    if gpus is not None:
+        command += ["--gpus", *map(str, gpus)]
     outcome = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     if outcome.returncode:
         raise BuildError(f"the kernels could not be compiled:\n{outcome.stdout.strip()}")
 
 
-def build(target: str, output_folder: Path, wheel_folder: Path) -> Path:
+def build(target: str, output_folder: Path, wheel_folder: Path, gpus: Sequence[int] | None = None) -> Path:
     """Build the zip of one platform and return its path.
+
+    Args:
+        target: The platform.
+        output_folder: Where to put it.
+        wheel_folder: Where downloaded wheels are kept.
+        gpus: Generations of GPUs to compile kernels for; None for all.
 
     Raises:
         BuildError: A wheel is not to be had, or Blender's builder refused the package.
@@ -144,9 +164,7 @@ def build(target: str, output_folder: Path, wheel_folder: Path) -> Path:
                 shutil.copytree(source, stage / name, ignore=shutil.ignore_patterns("__pycache__"))
             else:
                 shutil.copy2(source, stage / name)
-        if target == current_platform():
-            # Objects can be made only on the system that they are for; elsewhere the first run compiles.
-            compile_kernels(stage / "engine" / "device" / "prebuilt")
+        compile_kernels(stage / "engine" / "device" / "prebuilt", target, gpus)
         for name in LEFT_OUT:
             shutil.rmtree(stage / name, ignore_errors=True)
         for wheel in wheels:
@@ -168,6 +186,17 @@ def build(target: str, output_folder: Path, wheel_folder: Path) -> Path:
     return zip_path
 
 
+def add_gpus_option(parser: argparse.ArgumentParser) -> None:
+    """Let a command line say for which generations of GPUs kernels are compiled."""
+    parser.add_argument(
+        "--gpus",
+        type=int,
+        nargs="*",
+        metavar="N",
+        help="compute capabilities of the GPUs to compile kernels for, times ten; default: all; without numbers none",
+    )
+
+
 def main() -> int:
     """Build as the command line says; return the exit status."""
     platforms = tomllib.loads((ROOT / MANIFEST).read_text(encoding="utf-8"))["platforms"]
@@ -177,13 +206,14 @@ def main() -> int:
     )
     parser.add_argument("--output", type=Path, default=ROOT / "dist", help="folder for the zip")
     parser.add_argument("--wheels", type=Path, default=ROOT / "build" / "wheels", help="folder for downloaded wheels")
+    add_gpus_option(parser)
     arguments = parser.parse_args()
     if arguments.platform not in platforms:
         got = arguments.platform or f"{platform.system()} on {platform.machine()}, this machine"
         print(f"The platform must be one of {', '.join(platforms)}; got {got}: choose with PLATFORM=…", file=sys.stderr)
         return 2
     try:
-        path = build(arguments.platform, arguments.output.resolve(), arguments.wheels.resolve())
+        path = build(arguments.platform, arguments.output.resolve(), arguments.wheels.resolve(), arguments.gpus)
     except BuildError as error:
         print(error, file=sys.stderr)
         return 1

@@ -1,7 +1,7 @@
-"""Compile the engine's CPU kernels ahead of time, for every tier of processors: ``python tools/build_kernels.py FOLDER``.
+"""Compile the engine's kernels ahead of time: ``python tools/build_kernels.py FOLDER``.
 
-The extension's zip carries what this writes (see ``engine/device/prebuilt_kernels.py``). Objects can be made only on the system that
-they are for.
+The extension's zip carries what this writes (see ``engine/device/prebuilt_kernels.py``): the CPU's kernels for every tier of
+processors, and those of GPUs for every generation of them. Objects for a CPU can be made only on the system that they are for.
 """
 
 from __future__ import annotations
@@ -14,15 +14,17 @@ import platform
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
+import build_gpu_kernels
 import esh
 import warp as wp
 from esh.engine.device.devices import core_count
+from esh.engine.device.prebuilt_gpu_kernels import GENERATIONS, archive_of, digest_of
 from esh.engine.device.prebuilt_kernels import INDEX, TIERS, stem_of
 from esh.engine.device.quiet_start import start_warp
 
@@ -52,19 +54,37 @@ def kernel_modules() -> list[str]:
     ]
 
 
-def build(folder: Path, kept: Path = KEPT) -> int:
-    """Write objects and their index into a folder, which is emptied first; return how many there are.
+def build(folder: Path, kept: Path = KEPT, gpus: Sequence[int] = (), *, for_cpu: bool = True) -> int:
+    """Write objects, archives and their index into a folder, which is emptied first; return how many modules were compiled.
 
     Args:
         folder: Where to put them.
         kept: Where all of them stay for the next time, which then compiles only what has changed.
+        gpus: Generations of GPUs, of :data:`.prebuilt_gpu_kernels.GENERATIONS`.
+        for_cpu: Whether the CPU's kernels are wanted, which are for this system.
     """
     start_warp()
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
+    flags = _compiler_flags() if for_cpu else {}
+    count = _build_for_cpu(folder, kept, flags) if flags else 0
+    if gpus:
+        count += build_gpu_kernels.build(folder, gpus, kept)
+    digests = {str(generation): digest_of(folder / archive_of(generation)) for generation in sorted(gpus)}
+    index = {"warp": wp.__version__, "flags": flags, "gpus": digests}
+    (folder / INDEX).write_text(json.dumps(index, indent=1) + "\n", encoding="utf-8")
+    return count
+
+
+def _compiler_flags() -> dict[str, str]:
+    """What the compiler is told for each tier."""
     # Warp's own flags, but for another processor than this one.
     own = (wp.config.cpu_compiler_flags or "").replace("-march=native", "").strip()
-    flags = {tier: f"-target-cpu {tier} {own}".strip() for tier in tiers_of_this_machine()}
+    return {tier: f"-target-cpu {tier} {own}".strip() for tier in tiers_of_this_machine()}
+
+
+def _build_for_cpu(folder: Path, kept: Path, flags: dict[str, str]) -> int:
+    """Write the objects for tiers with these flags into a folder; return how many there are."""
     kept = kept / f"warp-{wp.__version__}"
     kept.mkdir(parents=True, exist_ok=True)
     stems = {name: list(_stems(name, flags.values())) for name in kernel_modules()}
@@ -85,7 +105,6 @@ def build(folder: Path, kept: Path = KEPT) -> int:
     for file in kept.iterdir():
         if file.suffix in ENDINGS and file.stem not in used and _module_of(file.stem) in modules:
             file.unlink(missing_ok=True)
-    (folder / INDEX).write_text(json.dumps({"warp": wp.__version__, "flags": flags}, indent=1) + "\n", encoding="utf-8")
     return len(used)
 
 
@@ -97,7 +116,7 @@ def _stems(name: str, flags: Iterable[str]) -> Iterator[str]:
         # The CPU's block has one thread.
         wp.set_module_options({"cpu_compiler_flags": tier_flags, "block_dim": 1}, module)
         module.mark_modified()
-        yield stem_of(module, "esh")
+        yield stem_of(module)
 
 
 def _is_there(stem: Path) -> bool:
@@ -129,12 +148,22 @@ def _compile(module: wp.Module, stem: Path) -> None:
 
 def main() -> int:
     """Build as the command line says; return the exit status."""
-    parser = argparse.ArgumentParser(description="Compile the engine's CPU kernels ahead of time.")
+    parser = argparse.ArgumentParser(description="Compile the engine's kernels ahead of time.")
     parser.add_argument("folder", type=Path, help="where to put them; emptied first")
-    folder = parser.parse_args().folder
-    count = build(folder)
-    size = sum(file.stat().st_size for file in folder.iterdir())
-    print(f"{count} modules, {size / 1e6:.1f} MB in {folder}")
+    parser.add_argument("--no-cpu", action="store_true", help="leave those for this system's processors out")
+    parser.add_argument(
+        "--gpus",
+        type=int,
+        nargs="*",
+        choices=GENERATIONS,
+        default=GENERATIONS,
+        metavar="N",
+        help="compute capabilities of the GPUs to compile for, times ten; default: all; without numbers none",
+    )
+    arguments = parser.parse_args()
+    count = build(arguments.folder, gpus=arguments.gpus, for_cpu=not arguments.no_cpu)
+    size = sum(file.stat().st_size for file in arguments.folder.iterdir())
+    print(f"{count} modules, {size / 1e6:.1f} MB in {arguments.folder}")
     return 0
 
 

@@ -13,7 +13,7 @@ import sys
 import tomllib
 from pathlib import Path
 
-from build_extension import MANIFEST, ROOT, BuildError, build, find_blender_builder
+from build_extension import MANIFEST, ROOT, BuildError, add_gpus_option, build, find_blender_builder
 
 __all__ = ["generate", "main"]
 
@@ -40,6 +40,7 @@ def main() -> int:
     )
     parser.add_argument("--output", type=Path, default=ROOT / "dist" / "repository", help="folder of the repository")
     parser.add_argument("--wheels", type=Path, default=ROOT / "build" / "wheels", help="folder for downloaded wheels")
+    add_gpus_option(parser)
     arguments = parser.parse_args()
     folder = arguments.output.resolve()
     folder.mkdir(parents=True, exist_ok=True)
@@ -52,7 +53,7 @@ def main() -> int:
             path = folder / f"{manifest['id']}-{manifest['version']}-{platform}.zip"
             # Those that were built on their own systems carry compiled kernels, and are taken as they are.
             if not path.is_file():
-                build(platform, folder, arguments.wheels.resolve())
+                build(platform, folder, arguments.wheels.resolve(), arguments.gpus)
         generate(folder)
     except BuildError as error:
         print(error, file=sys.stderr)

@@ -1,7 +1,7 @@
 """Make a wheel for this system out of the one for all, with kernels in it: ``python tools/build_wheel.py WHEEL``.
 
 The wheel that ``python -m build`` makes fits every system, and compiles the kernels at the first run. Beside it comes one for the
-system that this runs on, with the CPU kernels that ``tools/build_kernels.py`` compiles ahead. Pip takes it where it fits.
+system that this runs on, with the kernels that ``tools/build_kernels.py`` compiles ahead. Pip takes it where it fits.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ from importlib.metadata import distribution
 from pathlib import Path
 
 import build_kernels
+from build_extension import add_gpus_option
+from esh.engine.device.prebuilt_gpu_kernels import GENERATIONS
 
 # Where the kernels lie in the wheel.
 KERNELS = "esh/engine/device/prebuilt"
@@ -69,9 +71,11 @@ def _retagged(text: str, system: str) -> str:
 
 def main() -> int:
     """Build as the command line says; return the exit status."""
-    parser = argparse.ArgumentParser(description="Make a wheel for this system, with compiled CPU kernels.")
+    parser = argparse.ArgumentParser(description="Make a wheel for this system, with compiled kernels.")
     parser.add_argument("wheel", type=Path, help="the wheel for all systems")
-    wheel = parser.parse_args().wheel
+    add_gpus_option(parser)
+    arguments = parser.parse_args()
+    wheel = arguments.wheel
     if not wheel.name.endswith("-py3-none-any.whl"):
         print(f"{wheel} must be a wheel for all systems, …-py3-none-any.whl", file=sys.stderr)
         return 2
@@ -80,7 +84,8 @@ def main() -> int:
         return 0
     with tempfile.TemporaryDirectory() as temporary:
         kernels = Path(temporary) / "prebuilt"
-        build_kernels.build(kernels)
+        gpus = GENERATIONS if arguments.gpus is None else arguments.gpus
+        build_kernels.build(kernels, gpus=() if sys.platform == "darwin" else gpus)
         print(with_kernels(wheel, kernels, platform_of_warp()))
     return 0
 

@@ -1,5 +1,7 @@
 """CPU kernels that were compiled when the extension's zip was built, so that the first run waits for no compiler.
 
+:mod:`.prebuilt_gpu_kernels` has those for GPUs.
+
 A build puts them into the folder ``prebuilt`` beside this file (``tools/build_kernels.py``), once for every *tier* of processors: a
 set of instructions that all processors of a generation have. A source checkout has no such folder, and a kernel that was edited since
 has no file in it; Warp then compiles it at its first launch, as ever.
@@ -10,10 +12,11 @@ from __future__ import annotations
 import json
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import warp as wp
 
-__all__ = ["FOLDER", "INDEX", "TIERS", "are_prebuilt", "load_prebuilt", "stem_of"]
+__all__ = ["FOLDER", "INDEX", "TIERS", "are_prebuilt", "load_prebuilt", "read_index", "set_compiler_flags", "stem_of"]
 
 FOLDER = Path(__file__).parent / "prebuilt"
 INDEX = "index.json"
@@ -38,32 +41,52 @@ def are_prebuilt() -> bool:
 @cache
 def load_prebuilt(module: wp.Module) -> bool:
     """Load a module's prebuilt kernels for the CPU, before its first launch there; False where there are none for it."""
-    flags = _compiler_flags()
-    if flags is None:
+    if not set_compiler_flags(module):
         return False
-    # They are a part of the name that is looked for; a module of which nothing is found is compiled with them, too.
-    wp.set_module_options({"cpu_compiler_flags": flags}, module)
-    package = __name__.removesuffix(".engine.device.prebuilt_kernels")
-    binary = FOLDER / f"{stem_of(module, package)}.o"
+    binary = FOLDER / f"{stem_of(module)}.o"
     if not binary.is_file():
         return False
     module.load(wp.get_device("cpu"), 1, binary_path=binary, meta_path=binary.with_suffix(".meta"))
     return True
 
 
-def stem_of(module: wp.Module, package: str) -> str:
-    """Name of a module's files: the same in whichever package the engine lies, and another after every edit."""
-    return str(module.get_module_identifier(1)).removeprefix(f"wp_{package}.")
+def set_compiler_flags(module: wp.Module) -> bool:
+    """Set a module to the flags that it is prebuilt with for this processor; False where it is not.
+
+    They are a part of the name that is looked for, and of what Warp knows a module by; one of which nothing is found is compiled with
+    them, too.
+    """
+    flags = _compiler_flags()
+    if flags is not None:
+        wp.set_module_options({"cpu_compiler_flags": flags}, module)
+    return flags is not None
+
+
+def stem_of(module: wp.Module, block_dim: int = 1) -> str:
+    """Name of a module's files: the same in whichever package the engine lies, and another after every edit.
+
+    Args:
+        module: The module.
+        block_dim: Threads of a block: one on the CPU.
+    """
+    package = __name__.removesuffix(".engine.device.prebuilt_kernels")
+    return str(module.get_module_identifier(block_dim)).removeprefix(f"wp_{package}.")
+
+
+def read_index() -> dict[str, Any] | None:
+    """What the build wrote down of the kernels; None where there are none for this version of Warp."""
+    try:
+        index = json.loads((FOLDER / INDEX).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return index if index.get("warp") == wp.__version__ else None
 
 
 @cache
 def _compiler_flags() -> str | None:
     """Compiler flags of the best tier that this processor belongs to; None where nothing is prebuilt for it."""
-    try:
-        index = json.loads((FOLDER / INDEX).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    if index.get("warp") != wp.__version__:
+    index = read_index()
+    if index is None:
         return None
     features = _processor_features()
     for tier, needed in TIERS.items():

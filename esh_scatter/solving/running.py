@@ -149,9 +149,10 @@ def may_compile(device: str) -> bool:
     """Tell whether a run on a device may have to compile its kernels first: none has come to its first step, and none are prebuilt."""
     if device in _ran_on:
         return False
+    from ...engine.device.prebuilt_gpu_kernels import are_prebuilt_for_gpus
     from ...engine.device.prebuilt_kernels import are_prebuilt
 
-    return device != "cpu" or not are_prebuilt()
+    return not (are_prebuilt() if device == "cpu" else are_prebuilt_for_gpus())
 
 
 # Devices that a run has come to its first step on, in this process.

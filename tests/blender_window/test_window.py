@@ -20,7 +20,7 @@ if not BLENDER:
 def package(tmp_path_factory) -> Path:
     """The extension's zip."""
     folder = tmp_path_factory.mktemp("zip")
-    build = [sys.executable, ROOT / "tools" / "build_extension.py", "--output", folder]
+    build = [sys.executable, ROOT / "tools" / "build_extension.py", "--gpus", "--output", folder]
     subprocess.run(build, check=True, timeout=1800)
     (made,) = folder.glob("*.zip")
     return made

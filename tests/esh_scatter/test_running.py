@@ -37,10 +37,11 @@ def test_a_stopped_run_is_waited_for_and_then_let_go(monkeypatch):
 
 
 def test_compiling_is_said_only_where_it_can_be(monkeypatch):
-    from esh.engine.device import prebuilt_kernels
+    from esh.engine.device import prebuilt_gpu_kernels, prebuilt_kernels
 
     monkeypatch.setattr(running, "_ran_on", set())
     monkeypatch.setattr(prebuilt_kernels, "are_prebuilt", lambda: False)
+    monkeypatch.setattr(prebuilt_gpu_kernels, "are_prebuilt_for_gpus", lambda: False)
     session = object.__new__(running.Session)
     session.keeps, session.bodies = False, SimpleNamespace(show=lambda: None)
     session.device, session.run, session._shown = "cpu", SimpleNamespace(progress=None, seconds=0.5), ""
@@ -53,6 +54,9 @@ def test_compiling_is_said_only_where_it_can_be(monkeypatch):
     assert session.text == "Preparing", "the extension's zip has what the processor needs"
     session.device = "cuda:0"
     assert session.text == "Compiling (first run only)"
+    monkeypatch.setattr(prebuilt_gpu_kernels, "are_prebuilt_for_gpus", lambda: True)
+    assert session.text == "Preparing", "and what a GPU needs"
+    monkeypatch.setattr(prebuilt_gpu_kernels, "are_prebuilt_for_gpus", lambda: False)
     session.run.progress = SimpleNamespace(step=1, steps=5)
     session.show()
     assert session.text == "Step 1 of 5"
