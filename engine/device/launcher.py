@@ -241,7 +241,7 @@ def launch_on_gpu(
     block_dim: int = BLOCK_DIM,
 ) -> None:
     """Run a kernel on a GPU, with so many threads in a block; one that is prebuilt is not compiled."""
-    load_prebuilt_on_gpu(kernel.module, device, block_dim)
+    load_prebuilt_on_gpu(kernel.module, device.alias, block_dim)
     wp.launch(kernel, dim=count, inputs=arguments, device=device, block_dim=block_dim)
 
 

@@ -40,14 +40,15 @@ def digest_of(archive: Path) -> str:
 
 
 @cache
-def load_prebuilt_on_gpu(module: wp.Module, device: wp.Device, block_dim: int) -> bool:
+def load_prebuilt_on_gpu(module: wp.Module, alias: str, block_dim: int) -> bool:
     """Load a module's prebuilt kernels before its first launch on a GPU; False where there are none for it.
 
     Args:
         module: The module.
-        device: The GPU.
+        alias: Name of the GPU, ``"cuda:0"``.
         block_dim: Threads of a block.
     """
+    device = wp.get_device(alias)
     found = _unpacked(device.arch)
     if found is None:
         return False

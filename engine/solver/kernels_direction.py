@@ -13,7 +13,7 @@ SLOTS_ON_CPU = 1
 # Integers between the sums of two threads: processors fetch two lines of eight at once.
 SUMS_APART = 16
 # Slots that a thread of a GPU adds up.
-SLOTS_AT_ONCE = 32
+SLOTS_AT_ONCE = 8
 SUM_SCALE = wp.constant(1073741824.0)
 LARGEST_SUMMAND = wp.constant(1.0e6)
 # What is summed: the products of the last displacement s, the moves m that the forces ask for, and what they changed by, y, in the
@@ -52,17 +52,27 @@ GROWN = wp.constant(0.6)
 Sums = wp.types.vector(BROKEN, wp.float32)
 
 # wp.atomic_add finds its element in an array of three dimensions once for every sum; these lie side by side.
+# On a GPU threads of a warp that are all here add up among themselves, and one of them goes to memory for all.
 _ADD = f"""
     const int slots = sums.shape[2];
-    long long* to = (long long*)sums.data + (size_t)thread * sums.shape[1] * slots + (i & (slots - 1));
+    #if defined(__CUDA_ARCH__)
+        const bool whole = __activemask() == 0xffffffffu;
+        const bool goes = !whole || threadIdx.x % 32 == 0;
+        const int slot = (whole ? i / 32 : i) & (slots - 1);
+    #else
+        const int slot = i & (slots - 1);
+    #endif
+    long long* to = (long long*)sums.data + (size_t)thread * sums.shape[1] * slots + slot;
     for (int k = 0; k < {BROKEN}; ++k)
     {{
         // What is no number becomes the smallest one.
         const float value = !(values[k] > -{LARGEST_SUMMAND}f) ? -{LARGEST_SUMMAND}f
             : values[k] > {LARGEST_SUMMAND}f ? {LARGEST_SUMMAND}f : values[k];
-        const long long amount = (long long)(value * {SUM_SCALE}f);
+        long long amount = (long long)(value * {SUM_SCALE}f);
     #if defined(__CUDA_ARCH__)
-        atomicAdd((unsigned long long*)to + k * slots, (unsigned long long)amount);
+        if (whole)
+            for (int apart = 16; apart > 0; apart /= 2) amount += __shfl_xor_sync(0xffffffffu, amount, apart);
+        if (goes) atomicAdd((unsigned long long*)to + k * slots, (unsigned long long)amount);
     #else
         to[k * slots] += amount;
     #endif
@@ -139,12 +149,13 @@ def add_up(
     i = first + wp.tid()
     elements = sums.shape[2] / at_once
     kind = i / elements
-    start = (i - kind * elements) * at_once
+    start = i - kind * elements
     total = wp.int64(0)
     for thread in range(sums.shape[0]):
         for k in range(at_once):
-            total += sums[thread, kind, start + k]
-            sums[thread, kind, start + k] = wp.int64(0)
+            # Neighbors in memory are for threads that are neighbors.
+            total += sums[thread, kind, start + k * elements]
+            sums[thread, kind, start + k * elements] = wp.int64(0)
     wp.atomic_add(totals, kind, total)
 
 

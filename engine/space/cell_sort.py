@@ -79,7 +79,8 @@ class CellSort:
         launch = self._launcher.launch
         launch(find_keys, n, inputs, [self._key, self.order])
         if self._launcher.device.is_cuda:
-            wp.utils.radix_sort_pairs(self._key, self.order, n)
+            # No more bits than cells have: a pass takes eight of them.
+            wp.utils.radix_sort_pairs(self._key, self.order, n, end_bit=self._cell_count.bit_length())
             launch(kernels_cells.find_cell_starts, n, [self._key, n, self._cell_count], [self.cell_start])
             return
         if self._parts > 1:

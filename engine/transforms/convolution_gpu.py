@@ -37,10 +37,11 @@ class GpuTransforms:
         of_rows, of_columns = (kernels_fft_gpu.transforms_of(length) for length in reversed(self._padded))
         rows = self._count * self._shape[0], self._shape[1]
         self._transform(of_rows.forward, self._pairs.shape, [meshes.reshape(rows), self._pairs])
-        self._launch_tiles(kernels_fft_gpu.split_pairs, [self._pairs, self._shape[0]], self._columns)
-        given = [influence.reshape(self.influence_shape), self._columns]
+        columns = (self._columns.shape[0], self._shape[0])
+        self._launch_tiles(kernels_fft_gpu.split_pairs, columns, [self._pairs, self._shape[0]], self._columns)
+        given = [self._shape[0], influence.reshape(self.influence_shape), self._columns]
         self._transform(of_columns.convolve, self._columns.shape, given)
-        self._launch_tiles(kernels_fft_gpu.join_pairs, [self._columns, self._shape[0]], self._pairs)
+        self._launch_tiles(kernels_fft_gpu.join_pairs, self._pairs.shape, [self._columns, self._shape[0]], self._pairs)
         self._transform(of_rows.back, self._pairs.shape, [self._pairs, result.reshape(rows)])
 
     def transform_even(self, quarter: wp.array, influence: wp.array) -> None:
@@ -51,7 +52,7 @@ class GpuTransforms:
         forward = kernels_fft_gpu.transforms_of(columns).forward
         self._transform(forward, pairs.shape, [quarter.reshape((row_count, columns)), pairs])
         half = wp.empty(self.influence_shape, dtype=wp.vec2, device=self._device)
-        self._launch_tiles(kernels_fft_gpu.split_pairs, [pairs, row_count], half)
+        self._launch_tiles(kernels_fft_gpu.split_pairs, (half.shape[0], row_count), [pairs, row_count], half)
         whole = influence.reshape(self.influence_shape)
         self._launch(kernels_fft_gpu.unfold_columns, whole.shape, [half], whole)
         pairs = wp.empty((whole.shape[0] // 2 + 1, rows), dtype=wp.vec2, device=self._device)
@@ -62,10 +63,10 @@ class GpuTransforms:
     def _launch(self, kernel: wp.Kernel, dim: int | tuple[int, ...], inputs: list, output: wp.array) -> None:
         self._launch_blocks(kernel, dim, [*inputs, output], BLOCK_DIM)
 
-    def _launch_tiles(self, kernel: wp.Kernel, inputs: list, output: wp.array) -> None:
-        """Launch blocks of threads that write square tiles of a matrix."""
+    def _launch_tiles(self, kernel: wp.Kernel, shape: tuple[int, int], inputs: list, output: wp.array) -> None:
+        """Launch blocks of threads that write square tiles of a matrix of a shape."""
         side = kernels_fft_gpu.TILE_SIDE
-        tiles = -(-output.shape[0] // side) * -(-output.shape[1] // side)
+        tiles = -(-shape[0] // side) * -(-shape[1] // side)
         self._launch(kernel, tiles * kernels_fft_gpu.TILE_THREADS, inputs, output)
 
     def _transform(self, kernel: wp.Kernel, shape: tuple[int, int], arguments: list[wp.array]) -> None:

@@ -167,17 +167,19 @@ _STORE_ROWS = """
     }
 """
 
+# Of complex rows only `used` elements are read, the others being zero, and written.
 _LOAD_COMPLEX = """
-    EACH_THREAD EACH_ELEMENT if (row < complex.shape[0])
+    EACH_THREAD EACH_ELEMENT
     {
-        const wp::vec2 value = complex.data[(size_t)row * N + COLUMN];
+        wp::vec2 value = wp::vec2(0.0f, 0.0f);
+        if (row < complex.shape[0] && COLUMN < used) value = complex.data[(size_t)row * N + COLUMN];
         real[h][j] = value[0];
         imaginary[h][j] = value[1];
     }
 """
 
 _STORE_COMPLEX = """
-    EACH_THREAD EACH_ELEMENT if (row < complex.shape[0])
+    EACH_THREAD EACH_ELEMENT if (row < complex.shape[0] && COLUMN < used)
         complex.data[(size_t)row * N + COLUMN] = wp::vec2(real[h][j], imaginary[h][j]);
 """
 
@@ -233,7 +235,8 @@ class TransformsOfLength(NamedTuple):
     Attributes:
         forward: Pairs of real rows into complex ones; real rows that are shorter are padded by zeros.
         back: The inverse; real rows that are shorter are cut off.
-        convolve: Transforms columns, transposed into rows, multiplies them by an influence function and transforms them back.
+        convolve: Transforms columns, transposed into rows, multiplies them by an influence function and transforms them back. Only
+            their first ``used`` elements are there, and wanted.
     """
 
     forward: wp.Kernel
@@ -249,14 +252,18 @@ def transforms_of(length: int) -> TransformsOfLength:
     common = _COMMON.format(length=length, elements=ELEMENTS, rows_per_block=block // threads_of(length))
     there, back_again = _transform(length), _transform(length, inverse=True)
 
-    @wp.func_native(common + _LOAD_ROWS + there + _STORE_COMPLEX)
+    whole = "const int used = N;"
+
+    @wp.func_native(common + whole + _LOAD_ROWS + there + _STORE_COMPLEX)
     def of_rows(thread: int, rows: wp.array2d(dtype=float), complex: wp.array2d(dtype=wp.vec2)): ...
 
-    @wp.func_native(common + _LOAD_COMPLEX + back_again + _STORE_ROWS)
+    @wp.func_native(common + whole + _LOAD_COMPLEX + back_again + _STORE_ROWS)
     def to_rows(thread: int, complex: wp.array2d(dtype=wp.vec2), rows: wp.array2d(dtype=float)): ...
 
     @wp.func_native(common + _LOAD_COMPLEX + there + _MULTIPLY + back_again + _STORE_COMPLEX)
-    def convolve_column(thread: int, influence: wp.array2d(dtype=float), complex: wp.array2d(dtype=wp.vec2)): ...
+    def convolve_column(
+        thread: int, used: int, influence: wp.array2d(dtype=float), complex: wp.array2d(dtype=wp.vec2)
+    ): ...
 
     @wp.kernel(module=module, launch_bounds=block)
     def transform_pairs(rows: wp.array2d(dtype=float), pairs: wp.array2d(dtype=wp.vec2)):
@@ -267,8 +274,8 @@ def transforms_of(length: int) -> TransformsOfLength:
         to_rows(wp.tid(), pairs, rows)
 
     @wp.kernel(module=module, launch_bounds=block)
-    def convolve(influence: wp.array2d(dtype=float), columns: wp.array2d(dtype=wp.vec2)):
-        convolve_column(wp.tid(), influence, columns)
+    def convolve(used: int, influence: wp.array2d(dtype=float), columns: wp.array2d(dtype=wp.vec2)):
+        convolve_column(wp.tid(), used, influence, columns)
 
     wp.set_module_options({"enable_backward": False}, module)
     return TransformsOfLength(transform_pairs, transform_pairs_back, convolve)
@@ -296,30 +303,27 @@ def split_pairs(
     # outputs
     columns: wp.array2d(dtype=wp.vec2),
 ):
-    """Take the transforms of pairs of real rows apart, keep their first halves and transpose; rows beyond ``row_count`` are zero.
+    """Take the transforms of pairs of real rows apart, keep their first halves and transpose; what is beyond ``row_count`` stays.
 
     Meshes lie one after the other.
 
     With Z the transform of a + i b, that of a is (Z[k] + conj Z[-k]) / 2 and that of b (Z[k] - conj Z[-k]) / 2i.
     """
-    i, row = tile_element(wp.tid(), columns.shape[1])
-    if i < columns.shape[0] and row < columns.shape[1]:
+    i, row = tile_element(wp.tid(), row_count)
+    if i < columns.shape[0] and row < row_count:
         half = pairs.shape[1] / 2 + 1
         mesh = i / half
         k = i - mesh * half
-        value = wp.vec2(0.0, 0.0)
-        if row < row_count:
-            mirror = int(0)
-            if k > 0:
-                mirror = pairs.shape[1] - k
-            pair = (mesh * row_count + row) / 2
-            p = pairs[pair, k]
-            q = pairs[pair, mirror]
-            if row % 2 == 0:
-                value = wp.vec2(0.5 * (p[0] + q[0]), 0.5 * (p[1] - q[1]))
-            else:
-                value = wp.vec2(0.5 * (p[1] + q[1]), 0.5 * (q[0] - p[0]))
-        columns[i, row] = value
+        mirror = int(0)
+        if k > 0:
+            mirror = pairs.shape[1] - k
+        pair = (mesh * row_count + row) / 2
+        p = pairs[pair, k]
+        q = pairs[pair, mirror]
+        if row % 2 == 0:
+            columns[i, row] = wp.vec2(0.5 * (p[0] + q[0]), 0.5 * (p[1] - q[1]))
+        else:
+            columns[i, row] = wp.vec2(0.5 * (p[1] + q[1]), 0.5 * (q[0] - p[0]))
 
 
 @wp.kernel
