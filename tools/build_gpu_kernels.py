@@ -20,12 +20,14 @@ import esh
 import warp as wp
 from esh.engine.device.devices import core_count
 from esh.engine.device.launcher import BLOCK_DIM
-from esh.engine.device.prebuilt_gpu_kernels import CPU_ONLY, archive_of, gpu_stem_of
+from esh.engine.device.prebuilt_gpu_kernels import archive_of, gpu_stem_of
 from esh.engine.device.quiet_start import start_warp
 from esh.engine.transforms import kernels_fft_gpu
 from esh.engine.transforms.convolution import SHORTEST
 from esh.engine.transforms.convolution_gpu import LONGEST_ROW
 
+# Files with kernels that only the CPU has, some of them in a language that only its compiler knows.
+CPU_ONLY = ("kernels_fft", "kernels_threads")
 ENDINGS = (".cubin", ".meta")
 # A row's length, or the name of a file with kernels.
 Source = int | str

@@ -20,7 +20,7 @@ import numpy as np
 import warp as wp
 
 from .devices import core_count, resolve_device
-from .gpu_kernels import prepare_gpu_kernels
+from .prebuilt_gpu_kernels import load_prebuilt_on_gpu
 from .profile import Profile
 from .threads import Operation, Program, ThreadTeam
 
@@ -240,8 +240,8 @@ def launch_on_gpu(
     device: wp.Device,
     block_dim: int = BLOCK_DIM,
 ) -> None:
-    """Run a kernel on a GPU, with so many threads in a block."""
-    prepare_gpu_kernels(kernel.module, device.alias, block_dim)
+    """Run a kernel on a GPU, with so many threads in a block; one that is prebuilt is not compiled."""
+    load_prebuilt_on_gpu(kernel.module, device.alias, block_dim)
     wp.launch(kernel, dim=count, inputs=arguments, device=device, block_dim=block_dim)
 
 

@@ -18,20 +18,10 @@ import warp as wp
 
 from . import prebuilt_kernels
 
-__all__ = [
-    "CPU_ONLY",
-    "GENERATIONS",
-    "archive_of",
-    "are_prebuilt_for_gpus",
-    "digest_of",
-    "gpu_stem_of",
-    "load_prebuilt_on_gpu",
-]
+__all__ = ["GENERATIONS", "archive_of", "are_prebuilt_for_gpus", "digest_of", "gpu_stem_of", "load_prebuilt_on_gpu"]
 
 # Turing, Ampere (and Ada), Hopper, Blackwell for data centers and for all others: all that this version of Warp can compile for.
 GENERATIONS = (75, 80, 90, 100, 120)
-# Files with kernels that only the CPU has, some of them in a language that only its compiler knows.
-CPU_ONLY = ("kernels_fft", "kernels_threads")
 
 
 def are_prebuilt_for_gpus() -> bool:

@@ -151,32 +151,7 @@ def test_all_kernels_are_compiled_that_a_gpu_may_be_asked_for(monkeypatch: pytes
     assert [source for source in sources if isinstance(source, int)] == [64 << k for k in range(8)]
     files = {file.stem for file in (ROOT / "engine").rglob("kernels_*.py")}
     named = {source.rpartition(".")[2] for source in sources if isinstance(source, str)}
-    assert files - named == set(prebuilt_gpu_kernels.CPU_ONLY)
-
-
-def test_the_first_kernel_that_is_missing_has_all_compiled_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    import warp as wp
-    from esh.engine.device import gpu_kernels
-    from esh.engine.solver import kernels_start, solver
-    from esh.engine.space import kernels_cells
-
-    assert solver, "it imports what a run needs"
-    asked = []
-    monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path))
-    monkeypatch.setattr(wp, "force_load", lambda *call, **settings: asked.append((*call, settings)))
-    monkeypatch.setattr(gpu_kernels, "load_prebuilt_on_gpu", lambda *_: False)
-    for function in (gpu_kernels.prepare_gpu_kernels, gpu_kernels._compile_all):
-        function.cache_clear()
-    cells, start = (wp.get_module(module.__name__) for module in (kernels_cells, kernels_start))
-    (tmp_path / start.get_module_identifier(256)).mkdir()
-    gpu_kernels.prepare_gpu_kernels(start, "cuda:0", 256)
-    assert not asked, "it is there"
-    for _ in range(2):
-        gpu_kernels.prepare_gpu_kernels(cells, "cuda:0", 256)
-    ((alias, modules, block_dim, _),) = asked
-    assert (alias, block_dim) == ("cuda:0", 256) and {cells, start} <= set(modules)
-    names = {module.name.rpartition(".")[2] for module in modules}
-    assert len(names) > 30 and not names & set(prebuilt_gpu_kernels.CPU_ONLY)
+    assert files - named == set(build_gpu_kernels.CPU_ONLY)
 
 
 @pytest.mark.cuda
