@@ -9,8 +9,8 @@ from . import kernels_fft_gpu
 
 __all__ = ["LONGEST_ROW", "GpuTransforms"]
 
-# The real parts of a row must fit into a block's shared memory, 48 kB on any GPU, and its elements into the registers of a block.
-LONGEST_ROW = 8192
+# The real parts of half a row must fit into a block's shared memory, and its elements into the registers of a block.
+LONGEST_ROW = 16384
 
 
 class GpuTransforms:

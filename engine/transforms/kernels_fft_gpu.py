@@ -3,10 +3,10 @@
 As on the CPU (:mod:`.kernels_fft`), two real rows travel through one complex transform, of which half is kept. Columns are transposed
 into rows, so every transform reads and writes whole rows.
 
-A row is transformed by a group of threads, which hold :data:`ELEMENTS` of its elements each in registers: thread t of T has those
-at t, t + T, t + 2 T, ... Stockham's self-sorting algorithm with radix 16 finds all that a butterfly needs in one thread, and leaves
-the last pass's results where the first pass's were. So rows go through shared memory only between passes, the real parts first and
-then the imaginary ones. Every length has a module of its own, which is compiled when it is first needed.
+A row is transformed by a group of threads, which hold 16 or 32 of its elements each in registers: thread t of T has those at t,
+t + T, t + 2 T, ... Stockham's self-sorting algorithm with radix 16 finds all that a butterfly needs in one thread, and leaves the last
+pass's results where the first pass's were. So rows go through shared memory only between passes, the real parts first and then the
+imaginary ones; the longest rows half after half. Every length has a module of its own, which is compiled when it is first needed.
 """
 
 from __future__ import annotations
@@ -22,26 +22,27 @@ wp.set_module_options({"enable_backward": False})
 # Threads of a block, and the side of the square tiles that they transpose.
 TILE_THREADS = wp.constant(256)
 TILE_SIDE = wp.constant(16)
-# Elements of a row that a thread holds, which is also the largest radix: 32 registers.
-ELEMENTS = 16
-# Short rows share a block of so many threads.
-FEWEST_THREADS = 128
+# The largest radix; and threads of a block: short rows share one, and those that are too long for the most hold more elements each.
+RADIX = 16
+FEWEST_THREADS, MOST_THREADS = 128, 512
+# Elements that are passed on at once: 34 kB of shared memory of the 48 that any GPU has.
+MOST_PASSED = 8192
 
 # What all transforms share. On a CPU, where it is tested, one thread does what those of a row do, one after the other.
 _COMMON = """
-    constexpr int N = {length}, E = {elements}, T = N / E;
+    constexpr int N = {length}, E = {elements}, T = N / E, PASSED = {passed};
     #ifdef __CUDA_ARCH__
         // Only the thread itself, one of several rows in a block.
         constexpr int HELD = 1, ROWS = {rows_per_block};
         const int row = thread / T, first_thread = thread % T;
-        __shared__ float shared[ROWS][N + N / E];
+        __shared__ float shared[ROWS][PASSED + PASSED / 16];
         float* passed = shared[row % ROWS];
         #define WAIT __syncthreads();
         #define UNROLL _Pragma("unroll")
     #else
         constexpr int HELD = T;
         const int row = thread, first_thread = 0;
-        float passed[N + N / E];
+        float passed[PASSED + PASSED / 16];
         #define WAIT
         #define UNROLL
     #endif
@@ -49,7 +50,7 @@ _COMMON = """
     #define EACH_ELEMENT UNROLL for (int j = 0; j < E; ++j)
     #define COLUMN (first_thread + h + j * T)
     // One more place after every sixteen: threads that are a multiple of 16 apart do not wait for the same bank.
-    #define PLACE(i) ((i) + (i) / E)
+    #define PLACE(i) ((i) + (i) / 16)
     float real[HELD][E], imaginary[HELD][E];
     auto multiply = [](float& a, float& b, float c, float s)
     {{
@@ -117,7 +118,7 @@ _PASS = """
                 constexpr float sine[10] = {{ {sines} }};
                 UNROLL for (int a = 1; a < A; ++a)
                     UNROLL for (int b = 1; b < B; ++b)
-                        multiply(x[a * B + b], y[a * B + b], cosine[a * b * E / R], sine[a * b * E / R]);
+                        multiply(x[a * B + b], y[a * B + b], cosine[a * b * 16 / R], sine[a * b * 16 / R]);
                 UNROLL for (int a = 0; a < A; ++a)
                     if (B == 4) four(x, y, a * B, a * B + 1, a * B + 2, a * B + 3);
                     else two(x, y, a * B, a * B + 1);
@@ -144,6 +145,36 @@ _EXCHANGE = """
         WAIT
         EACH_THREAD EACH_ELEMENT {X}[h][j] = passed[PLACE(COLUMN)];
         WAIT
+"""
+
+# The same for rows of which only a half can be passed on at once. What comes of the first half waits until the second has gone.
+_EXCHANGE_HALVES = """
+        {{
+            float first_half[HELD][E / 2];
+            UNROLL for (int half = 0; half < 2; ++half)
+            {{
+                EACH_THREAD
+                UNROLL for (int q = 0; q < Q; ++q)
+                {{
+                    const int butterfly = first_thread + h + q * T;
+                    const int begin = butterfly / L * (L * R) + butterfly % L - half * PASSED;
+                    UNROLL for (int m = 0; m < R; ++m)
+                    {{
+                        const int place = begin + m * L;
+                        if (place >= 0 && place < PASSED) passed[PLACE(place)] = {X}[h][q + m * Q];
+                    }}
+                }}
+                WAIT
+                EACH_THREAD
+                UNROLL for (int j = 0; j < E / 2; ++j)
+                {{
+                    if (half == 0) first_half[h][j] = passed[PLACE(COLUMN)];
+                    else {X}[h][E / 2 + j] = passed[PLACE(COLUMN)];
+                }}
+                WAIT
+            }}
+            EACH_THREAD UNROLL for (int j = 0; j < E / 2; ++j) {X}[h][j] = first_half[h][j];
+        }}
 """
 
 _LOAD_ROWS = """
@@ -203,8 +234,9 @@ def _transform(length: int, *, inverse: bool = False) -> str:
     while done < length:
         left = length // done
         # The odd one comes first, which has no factors.
-        radix = ELEMENTS if _is_power(left, ELEMENTS) else left // ELEMENTS ** int(math.log(left, ELEMENTS))
-        exchange = "" if done * radix == length else "".join(_EXCHANGE.format(X=part) for part in (x, y))
+        radix = RADIX if _is_power(left, RADIX) else left // RADIX ** int(math.log(left, RADIX))
+        passing = _EXCHANGE if length <= MOST_PASSED else _EXCHANGE_HALVES
+        exchange = "" if done * radix == length else "".join(passing.format(X=part) for part in (x, y))
         inner = max(1, radix // 4)
         code += _PASS.format(
             radix=radix, done=done, inner=inner, X=x, Y=y, cosines=cosines, sines=sines, exchange=exchange
@@ -221,7 +253,7 @@ def _is_power(number: int, base: int) -> bool:
 
 def threads_of(length: int) -> int:
     """Threads that a row is transformed by."""
-    return length // ELEMENTS
+    return min(length // RADIX, MOST_THREADS)
 
 
 def block_of(length: int) -> int:
@@ -246,10 +278,16 @@ class TransformsOfLength(NamedTuple):
 
 @cache
 def transforms_of(length: int) -> TransformsOfLength:
-    """Return the kernels for rows of ``length``, a power of two and at least 64."""
+    """Return the kernels for rows of ``length``, a power of two from 64 to 16384."""
     # Registers are shared out among so many threads.
     module, block = f"{__name__}_{length}", block_of(length)
-    common = _COMMON.format(length=length, elements=ELEMENTS, rows_per_block=block // threads_of(length))
+    threads = threads_of(length)
+    common = _COMMON.format(
+        length=length,
+        elements=length // threads,
+        passed=min(length, MOST_PASSED),
+        rows_per_block=block // threads,
+    )
     there, back_again = _transform(length), _transform(length, inverse=True)
 
     whole = "const int used = N;"

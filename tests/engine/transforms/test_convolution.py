@@ -41,8 +41,20 @@ def test_equals_numpy(shape, padded):
     assert np.abs(actual.numpy().reshape(expected.shape) - expected).max() < 5e-6 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize(("shape", "padded"), [((38, 100), (128, 256)), ((64, 64), (64, 64))])
-def test_tile_transforms_of_gpus_equal_numpy(shape, padded):
+@pytest.mark.parametrize(
+    ("shape", "padded"),
+    [
+        ((38, 100), (128, 256)),
+        ((64, 64), (64, 64)),
+        ((300, 20), (512, 64)),
+        ((40, 600), (64, 1024)),
+        ((2, 1500), (64, 2048)),
+        ((2, 3000), (64, 4096)),
+        ((4, 9000), (64, 16384)),
+        ((5000, 3), (8192, 64)),
+    ],
+)
+def test_transforms_of_gpus_equal_numpy(shape, padded):
     """The GPU's code path also runs on the CPU, slowly: small transforms check its logic on every machine."""
     device = resolve_device("auto")
     mesh, kernel, expected = mesh_and_kernel(shape, padded)
