@@ -96,9 +96,21 @@ class Facets:
         return int(self.first_corner[-1])
 
     @property
+    def size(self) -> np.ndarray:
+        """Extent along x, y and z, in units, shape ``[3]``."""
+        return (self.surface.high - self.surface.low) / self.unit
+
+    @property
+    def extent(self) -> float:
+        """The largest of them."""
+        return float(self.size.max())
+
+    @property
     def tile_area(self) -> np.ndarray:
         """Area of every tile, shape ``[tile_count]``."""
-        return np.repeat(self.area / self.cuts**2, self.cuts**2)
+        if self._tile_area is None:
+            self._tile_area = np.repeat(self.area / self.cuts**2, self.cuts**2)
+        return self._tile_area
 
     def cut_finer(self, facet: np.ndarray, factor: int) -> None:
         """Cut some facets into ``factor²`` times as many tiles."""
@@ -178,6 +190,7 @@ class Facets:
         return np.isin(place, np.unique(ends)).any(axis=1)
 
     def _count(self) -> None:
+        self._tile_area: np.ndarray | None = None
         self.first_tile = np.concatenate([[0], np.cumsum(self.cuts**2)])
         self.first_corner = np.concatenate([[0], np.cumsum((self.cuts + 1) * (self.cuts + 2) // 2)])
 
