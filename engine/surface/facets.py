@@ -78,7 +78,8 @@ class Facets:
         longest = np.linalg.norm(self.corner - np.roll(self.corner, 1, axis=1), axis=2).max(axis=1)
         tile = np.where(self._at_end(), TILE_AT_END, TILE)
         self.cuts = np.maximum(np.ceil(longest / tile - 1e-6), 1.0).astype(np.int64)
-        self._count()
+        self.first_tile, self.first_corner = self._counted()
+        self._tile_area: np.ndarray | None = None
 
     @property
     def count(self) -> int:
@@ -115,7 +116,8 @@ class Facets:
     def cut_finer(self, facet: np.ndarray, factor: int) -> None:
         """Cut some facets into ``factor²`` times as many tiles."""
         self.cuts[facet] *= factor
-        self._count()
+        self.first_tile, self.first_corner = self._counted()
+        self._tile_area = None
 
     def near(self, chosen: np.ndarray, distance: float) -> np.ndarray:
         """Which facets have chosen ones within a distance, and some that are up to three times as far; masks of shape ``[f]``."""
@@ -189,10 +191,10 @@ class Facets:
         ends = np.concatenate([place[facet, (side + 1) % 3], place[facet, (side + 2) % 3]])
         return np.isin(place, np.unique(ends)).any(axis=1)
 
-    def _count(self) -> None:
-        self._tile_area: np.ndarray | None = None
-        self.first_tile = np.concatenate([[0], np.cumsum(self.cuts**2)])
-        self.first_corner = np.concatenate([[0], np.cumsum((self.cuts + 1) * (self.cuts + 2) // 2)])
+    def _counted(self) -> tuple[np.ndarray, np.ndarray]:
+        """The first tile of every facet, and its first corner of tiles."""
+        tiles, corners = self.cuts**2, (self.cuts + 1) * (self.cuts + 2) // 2
+        return np.concatenate([[0], np.cumsum(tiles)]), np.concatenate([[0], np.cumsum(corners)])
 
 
 def _tile_pattern(cuts: int, inner: int) -> np.ndarray:
