@@ -24,6 +24,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..device.running_sum import running_sum
 from ..space.cell_sort import CellSort
 from ..surface import kernels_facets
 from ..surface.facets import Facets
@@ -38,7 +39,6 @@ from .points import (
     grid_of,
     lists_of,
     nearest_of,
-    running_sum,
     runs_of,
     taken,
     thinned,

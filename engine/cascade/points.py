@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..device.running_sum import running_sum
 from ..space.cell_sort import CellSort
 from . import kernels_points
 
@@ -21,7 +22,6 @@ __all__ = [
     "joined",
     "lists_of",
     "nearest_of",
-    "running_sum",
     "runs_of",
     "taken",
     "thinned",
@@ -235,12 +235,3 @@ def runs_of(launcher: Launcher, lists: Lists) -> Lists:
     inputs = [lists.start, between, lists.entry, start]
     launcher.launch(kernels_points.list_runs, n, inputs, [run], grain=GRAIN_OF_NEIGHBORS)
     return Lists(start, run)
-
-
-def running_sum(launcher: Launcher, count: wp.array) -> tuple[wp.array, int]:
-    """Where lists of so many entries start, and how many entries there are."""
-    start = launcher.zeros(len(count) + 1, wp.int32)
-    if not len(count):
-        return start, 0
-    wp.utils.array_scan(count, start[1:], inclusive=True)
-    return start, int(start[len(count) :].numpy()[0])

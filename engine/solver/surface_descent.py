@@ -83,13 +83,12 @@ class SurfaceDescent:
 
     def __init__(self, model: Model, launcher: Launcher, start: Start | None = None) -> None:
         self.model, self.launcher = model, launcher
-        device = launcher.device
         surface = model.problem.domain
         assert isinstance(surface, Surface)
-        self.facets = Facets(surface, model.unit, *joined_parts(launcher, surface, model.unit))
+        self.facets = Facets(launcher, surface, model.unit, *joined_parts(launcher, surface, model.unit))
         share = self._cut_by_detail()
         self.bodies = bodies_for_kernels(model, launcher)
-        on_device = self.facets.for_kernels(device)
+        on_device = self.facets.for_kernels()
         # Contact and lines go by what the surface is from near.
         if not keeps_apart(model) and not model.kinds and is_rough(self.facets):
             on_device = seen_from_afar(launcher, self.facets, on_device, 1.0)

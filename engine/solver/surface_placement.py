@@ -109,13 +109,8 @@ def _in_triangles(launcher: Launcher, facets: Facets, state: SurfaceState) -> tu
     """Triangles of all bodies, ``wp.int32``, and weights of their corners, ``wp.vec3d``."""
     n = len(state.facet)
     triangle, barycentric = launcher.empty(n, wp.int32), launcher.empty(n, wp.vec3d)
-    of_facets = [
-        launcher.array(facets.triangle.astype(np.int32), wp.int32),
-        launcher.array(facets.weight.reshape(-1, 3), wp.vec3d),
-    ]
-    launcher.launch(
-        kernels_surface_end.find_in_triangles, n, [state.facet, state.weight, *of_facets], [triangle, barycentric]
-    )
+    inputs = [state.facet, state.weight, facets.on_device.triangle, facets.on_device.weight]
+    launcher.launch(kernels_surface_end.find_in_triangles, n, inputs, [triangle, barycentric])
     return triangle, barycentric
 
 

@@ -242,8 +242,8 @@ def corner_normals_from_afar(launcher, vertices, faces, length, label=None):
     surface = Surface(SurfaceMesh(vertices, faces))
     count = len(surface.triangle)
     label = np.zeros(count, int) if label is None else label
-    facets = Facets(surface, 1.0, label, np.zeros((count, 3), bool))
-    seen = seen_from_afar(launcher, facets, facets.for_kernels(launcher.device), length)
+    facets = Facets(launcher, surface, 1.0, label, np.zeros((count, 3), bool))
+    seen = seen_from_afar(launcher, facets, facets.for_kernels(), length)
     return facets, seen.corner_normal.numpy().reshape(-1, 3, 3)
 
 
