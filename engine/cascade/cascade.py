@@ -18,6 +18,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -127,11 +128,12 @@ class _Parts:
         facets: The surface.
         on_device: The same as kernels take it.
         is_full: Which tiles are looked at, shape ``[tile_count]``.
-        columns: Numbers that every tile has and its parts share, shape ``[column_count, tile_count]``.
+        columns: Numbers that every tile has and its parts share, shape ``[column_count, tile_count]``; the last is its area.
         large: Area from which on a tile is large, in units.
 
     Attributes:
         points: The points.
+        area: Of all tiles that are looked at, in square units.
         tile: For the first parts, and for the second, third and fourth if any tile has them: tiles that do, ``wp.int32``.
     """
 
@@ -157,6 +159,7 @@ class _Parts:
             inputs = [tile, number, facets.count, on_device]
             launcher.launch(kernels_facets.locate_parts, len(tile), inputs, [own.position, own.normal, own.label])
         share = np.repeat(np.where(is_large, 1.0 / QUARTERS, 1.0).astype(np.float32), tiles_of_facet)
+        self.area = float(columns[-1][is_full].sum())
         self._amount = [launcher.array((column * share).astype(np.float32), float) for column in columns]
 
     def quarter(self, number: int) -> Points:
@@ -223,9 +226,10 @@ class Cascade:
         self._facets = on_device
         self.group_count = len(interaction)
         self._interaction = wp.array(interaction.ravel(), dtype=float, device=device)
-        self._charge = wp.array(charge, dtype=float, device=device)
-        self._group = wp.array(charge_group, dtype=wp.int32, device=device)
-        table_of_target = self._make_table(_same_everywhere(share, facets.tile_area))
+        self._charge = launcher.array(charge, float)
+        self._group = launcher.array(charge_group, wp.int32)
+        uniform = _same_everywhere(share, facets.tile_area)
+        table_of_target = self._make_table(uniform)
 
         tiles = empty_points(launcher, facets.tile_count)
         launcher.launch(
@@ -256,9 +260,11 @@ class Cascade:
         pairs = runs_of(launcher, lists_of(launcher, nodes, nodes, cutoff + 2.0 * NODE_DISTANCE * length, LEAST_COSINE))
         self._nearby = kernels_cascade.NearPart()
         self._nearby.start, self._nearby.near, self._nearby.cutoff = pairs.start, pairs.entry, cutoff
-        self._nearby.term = wp.array(_near_terms(cutoff / length, softness), dtype=float, device=device)
+        self._nearby.term = wp.array(_near_terms(NEAR_REACH / math.sqrt(2.0), softness), dtype=float, device=device)
         self._nearby.interaction = self._interaction
-        self.node_share, self.node_area = self._shared_out(parts, share, facets.tile_area, is_full)
+        if not is_full.all():
+            uniform = _same_everywhere(share[:, is_full], facets.tile_area[is_full])
+        self.node_share, self.node_area = self._shared_out(parts, share.sum(axis=1), uniform)
         target = attraction @ self.node_share
         self._target = wp.array(target.T.ravel(), dtype=float, device=device)
         self._make_levels(nodes, facets.extent * math.sqrt(3.0))
@@ -453,31 +459,30 @@ class Cascade:
         few.position.assign(middle.astype(np.float32))
         return few, launcher.array(summed.astype(np.float32), float)
 
-    def _shared_out(
-        self, parts: _Parts, share: np.ndarray, area: np.ndarray, is_full: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Share shares of tiles out among the nodes, as charges are, image by image; and the area of those that are full.
+    def _shared_out(self, parts: _Parts, total: np.ndarray, uniform: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Share images out among the nodes, as charges are; and the area of the tiles that are full.
 
         Every part of a tile goes by itself: from the middles of tiles alone, large ones would be blurred less than small ones, and
         bodies would follow where the two meet.
+
+        Args:
+            parts: What images are on, with the share of every image and, last, the area.
+            total: What there is of every image, shape ``[column_count]``.
+            uniform: Whether as much of it is on every tile that is full as this has area, shape ``[column_count]``.
         """
-        launcher, columns = self.launcher, len(share)
+        launcher, columns = self.launcher, len(total)
         result = np.zeros((columns + 1, self.node_count))
-        # A uniform density has as much of every tile as the last column, the area.
-        if not is_full.all():
-            share, area = share[:, is_full], area[is_full]
-        same = np.flatnonzero(_same_everywhere(share, area))
+        in_order = None
         for number, tile in enumerate(parts.tile):
             count = len(tile)
             homes = taken(launcher, tile, self.home)
             sort = CellSort(launcher, count, self.node_count)
             sort.sort(kernels_cascade.find_homes, [homes])
             homed = _homed(parts.quarter(number), homes, sort)
-            in_order = _room_for_sorted(launcher, count)
+            if in_order is None or len(in_order.group) != count:
+                in_order = _room_for_sorted(launcher, count)
             group = launcher.zeros(count, wp.int32)
-            for column in range(columns + 1):
-                if column in same:
-                    continue
+            for column in [*np.flatnonzero(~uniform).tolist(), columns]:
                 launcher.launch(
                     kernels_cascade.fit_rows,
                     count,
@@ -494,7 +499,7 @@ class Cascade:
                     grain=GRAIN_OF_NEIGHBORS,
                 )
                 result[column] += received.numpy()
-        result[same] = (share[same, :1] / area[0]) * result[-1]
+        result[:-1][uniform] = total[uniform, None] / parts.area * result[-1]
         return result[:-1], result[-1]
 
     def _make_levels(self, nodes: Points, diagonal: float) -> None:
@@ -577,6 +582,7 @@ def _near_force(squared: np.ndarray, blur: float = 0.0) -> np.ndarray:
     return force - np.exp(-0.5 * squared / blur**2) if blur > 0.0 else force
 
 
+@lru_cache(maxsize=16)
 def _near_terms(cutoff: float, softness: Softness | None) -> np.ndarray:
     """Factors of the polynomial of the near part between charges (:class:`.NearPart`)."""
     squared = np.linspace(0.0, 1.0, FITTED)
