@@ -40,8 +40,8 @@ def with_nodes_beyond_edges(
     apart: float,
     reach: float,
     length: float,
-) -> tuple[Points, np.ndarray]:
-    """Return nodes together with others that are put beyond edges, and where among these every one of the given nodes is.
+) -> tuple[Points, wp.array]:
+    """Return nodes together with others that are put beyond edges, and where among these every given node is, ``wp.int32``.
 
     Args:
         launcher: Where to run.
@@ -57,17 +57,17 @@ def with_nodes_beyond_edges(
     start = lists_of(launcher, found, nodes, apart, OF_SHEET).start.numpy()
     free = np.flatnonzero(np.diff(start) == 0)
     if not len(free):
-        return nodes, np.arange(count)
-    found = chosen(launcher, found, free)
+        return nodes, launcher.array(np.arange(count, dtype=np.int32), wp.int32)
+    found = chosen(launcher, found, launcher.array(free.astype(np.int32), wp.int32))
     beyond = chosen(launcher, found, thinned(launcher, found, apart))
     # Each comes behind the node that it is nearest to: parts stay together, and so do neighbors.
     nearest = nearest_of(launcher, beyond, nodes, reach + 2.0 * length, length).numpy()
-    there = np.flatnonzero(nearest >= 0)
-    order = np.argsort(np.concatenate([np.arange(count), nearest[there]]), kind="stable")
-    place = np.empty(len(order), np.int64)
+    there = np.flatnonzero(nearest >= 0).astype(np.int32)
+    order = np.argsort(np.concatenate([np.arange(count), nearest[there]]), kind="stable").astype(np.int32)
+    place = np.empty(len(order), np.int32)
     place[order] = np.arange(len(order))
-    together = joined(launcher, nodes, chosen(launcher, beyond, there))
-    return chosen(launcher, together, order), place[:count]
+    together = joined(launcher, nodes, chosen(launcher, beyond, launcher.array(there, wp.int32)))
+    return chosen(launcher, together, launcher.array(order, wp.int32)), launcher.array(place[:count], wp.int32)
 
 
 def _candidates(

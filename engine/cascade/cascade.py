@@ -16,20 +16,34 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..device.running_sum import running_sum
 from ..space.cell_sort import CellSort
 from ..surface import kernels_facets
 from ..surface.facets import Facets
-from . import kernels_cascade
+from . import kernels_cascade, kernels_points
 from .beyond_edges import with_nodes_beyond_edges
 from .kernels_points import Points
-from .points import Lists, chosen, empty_points, grid_of, lists_of, nearest_of, running_sum, runs_of, thinned
+from .points import (
+    Lists,
+    alike,
+    chosen,
+    empty_points,
+    grid_of,
+    lists_of,
+    nearest_of,
+    runs_of,
+    taken,
+    thinned,
+)
 
 __all__ = ["Cascade", "Softness"]
 
@@ -107,37 +121,67 @@ class Softness(NamedTuple):
 
 
 class _Parts:
-    """Points that stand for tiles: four for a large one, one for a small one.
+    """Points that stand for tiles: four for a large one, one for a small one. First parts of all tiles come first, and so on.
 
     Args:
         launcher: Where to run.
         facets: The surface.
         on_device: The same as kernels take it.
-        tiles: Numbers of the tiles.
+        is_full: Which tiles are looked at, shape ``[tile_count]``.
+        columns: Numbers that every tile has and its parts share, shape ``[column_count, tile_count]``; the last is its area.
         large: Area from which on a tile is large, in units.
 
     Attributes:
         points: The points.
-        tile: Place in ``tiles`` of the one that each point is of, shape ``[n]``.
-        part: Which of its points each is, shape ``[n]``.
-        share: Share of its tile that each stands for, shape ``[n]``.
+        area: Of all tiles that are looked at, in square units.
+        tile: For the first parts, and for the second, third and fourth if any tile has them: tiles that do, ``wp.int32``.
     """
 
     def __init__(
-        self, launcher: Launcher, facets: Facets, on_device: kernels_facets.Facets, tiles: np.ndarray, large: float
+        self,
+        launcher: Launcher,
+        facets: Facets,
+        on_device: kernels_facets.Facets,
+        is_full: np.ndarray,
+        columns: Sequence[np.ndarray],
+        large: float,
     ) -> None:
-        count = np.where(facets.tile_area[tiles] > large, QUARTERS, 1)
-        self.tile = np.repeat(np.arange(len(tiles)), count)
-        self.part = np.arange(len(self.tile)) - np.repeat(np.cumsum(count) - count, count)
-        self.share = 1.0 / count[self.tile]
-        self.points = empty_points(launcher, len(self.tile))
-        numbers = [launcher.array(values.astype(np.int32), wp.int32) for values in (tiles[self.tile], self.part)]
-        launcher.launch(
-            kernels_facets.locate_parts,
-            len(self.tile),
-            [*numbers, facets.count, on_device],
-            [self.points.position, self.points.normal, self.points.label],
-        )
+        self._launcher = launcher
+        tiles_of_facet = facets.cuts**2
+        is_large = facets.area / tiles_of_facet > large
+        full = _places(launcher, is_full)
+        split = full if is_large.all() else _places(launcher, is_full & np.repeat(is_large, tiles_of_facet))
+        self.tile = [full, *[split] * (QUARTERS - 1 if len(split) else 0)]
+        self._end = np.cumsum([len(tile) for tile in self.tile]).tolist()
+        self.points = empty_points(launcher, self._end[-1])
+        for number, tile in enumerate(self.tile):
+            own = self.quarter(number)
+            inputs = [tile, number, facets.count, on_device]
+            launcher.launch(kernels_facets.locate_parts, len(tile), inputs, [own.position, own.normal, own.label])
+        share = np.repeat(np.where(is_large, 1.0 / QUARTERS, 1.0).astype(np.float32), tiles_of_facet)
+        self.area = float(columns[-1][is_full].sum())
+        self._amount = [launcher.array((column * share).astype(np.float32), float) for column in columns]
+
+    def quarter(self, number: int) -> Points:
+        """The first, second, third or fourth parts of the tiles that have them: a view of the points."""
+        first, end = self._end[number] - len(self.tile[number]), self._end[number]
+        points = Points()
+        points.position, points.normal = self.points.position[first:end], self.points.normal[first:end]
+        points.label = self.points.label[first:end]
+        return points
+
+    def amounts(self, number: int, column: int) -> wp.array:
+        """What the points of a quarter have of a column."""
+        return taken(self._launcher, self.tile[number], self._amount[column])
+
+    def all_amounts(self, columns: int) -> wp.array:
+        """What all points have of the first columns, one column after the other."""
+        count = len(self.points.position)
+        result = self._launcher.empty(columns * count, float)
+        for column in range(columns):
+            for number, tile in enumerate(self.tile):
+                wp.copy(result, self.amounts(number, column), column * count + self._end[number] - len(tile))
+        return result
 
 
 class Cascade:
@@ -182,9 +226,10 @@ class Cascade:
         self._facets = on_device
         self.group_count = len(interaction)
         self._interaction = wp.array(interaction.ravel(), dtype=float, device=device)
-        self._charge = wp.array(charge, dtype=float, device=device)
-        self._group = wp.array(charge_group, dtype=wp.int32, device=device)
-        table_of_target = self._make_table(_same_everywhere(share, facets.tile_area))
+        self._charge = launcher.array(charge, float)
+        self._group = launcher.array(charge_group, wp.int32)
+        uniform = _same_everywhere(share, facets.tile_area)
+        table_of_target = self._make_table(uniform)
 
         tiles = empty_points(launcher, facets.tile_count)
         launcher.launch(
@@ -193,11 +238,11 @@ class Cascade:
             [facets.count, on_device],
             [tiles.position, tiles.normal, tiles.label],
         )
-        full = np.flatnonzero(share.max(axis=0) > 0.0)
-        sources = chosen(launcher, tiles, full)
+        is_full = share.max(axis=0) > 0.0
+        parts = _Parts(launcher, facets, on_device, is_full, [*share, facets.tile_area], LARGE_TILE * length**2)
+        sources = tiles if is_full.all() else chosen(launcher, tiles, parts.tile[0])
         self._target_nearby = kernels_cascade.NearTarget()
-        parts = _Parts(launcher, facets, on_device, full, LARGE_TILE * length**2)
-        self._target_nearby.force = self._find_near_target(facets, tiles, parts, share[:, full], table_of_target)
+        self._target_nearby.force = self._find_near_target(facets, tiles, parts, len(share), table_of_target)
         self._target_nearby.corner_count, self._target_nearby.column_count = facets.corner_count, len(share)
         self._target_nearby.attraction = wp.array(attraction.ravel(), dtype=float, device=device)
 
@@ -209,21 +254,20 @@ class Cascade:
         )
         nodes = self._nodes
         self.node_count = len(nodes.position)
-        of_tile = self._homes(tiles, full, on_surface, place)
-        self.home = wp.array(of_tile, dtype=wp.int32, device=device)
+        self.home = self._homes(tiles, is_full, sources, on_surface, place)
         self._weights = _weights_of(launcher, nodes, width, length)
         cutoff = NEAR_REACH / math.sqrt(2.0) * length
         pairs = runs_of(launcher, lists_of(launcher, nodes, nodes, cutoff + 2.0 * NODE_DISTANCE * length, LEAST_COSINE))
         self._nearby = kernels_cascade.NearPart()
         self._nearby.start, self._nearby.near, self._nearby.cutoff = pairs.start, pairs.entry, cutoff
-        self._nearby.term = wp.array(_near_terms(cutoff / length, softness), dtype=float, device=device)
+        self._nearby.term = wp.array(_near_terms(NEAR_REACH / math.sqrt(2.0), softness), dtype=float, device=device)
         self._nearby.interaction = self._interaction
-        columns = np.concatenate([share[:, full], facets.tile_area[None, full]])
-        on_nodes = self._shared_out(parts, of_tile[full], columns)
-        self.node_share, self.node_area = on_nodes[:-1], on_nodes[-1]
+        if not is_full.all():
+            uniform = _same_everywhere(share[:, is_full], facets.tile_area[is_full])
+        self.node_share, self.node_area = self._shared_out(parts, share.sum(axis=1), uniform)
         target = attraction @ self.node_share
         self._target = wp.array(target.T.ravel(), dtype=float, device=device)
-        self._make_levels(nodes, float(np.ptp(facets.corner.reshape(-1, 3), axis=0).max()) * math.sqrt(3.0))
+        self._make_levels(nodes, facets.extent * math.sqrt(3.0))
 
         n = len(charge)
         self._sort = CellSort(launcher, n, self.node_count)
@@ -315,19 +359,25 @@ class Cascade:
             if level.up is not None:
                 multiply(level.up, level.up_value, levels[number + 1].potential, 1, level.potential)
 
-    def _homes(self, tiles: Points, full: np.ndarray, on_surface: Points, place: np.ndarray) -> np.ndarray:
-        """Homes of tiles, of which some are full: nodes on the surface, whose numbers among all nodes are ``place``."""
+    def _homes(
+        self, tiles: Points, is_full: np.ndarray, sources: Points, on_surface: Points, place: wp.array
+    ) -> wp.array:
+        """Homes of tiles, ``wp.int32``: nodes on the surface, whose numbers among all nodes are ``place``.
+
+        Those that are full are ``sources``.
+        """
         launcher, length = self.launcher, self._length
-        result = np.zeros(len(tiles.position), np.int32)
-        near = nearest_of(launcher, chosen(launcher, tiles, full), on_surface, HOME_REACH * length, HOME_TURN * length)
-        result[full] = place[near.numpy()]
-        is_empty = np.ones(len(result), bool)
-        is_empty[full] = False
-        empty = np.flatnonzero(is_empty)
-        if len(empty):
+        result = launcher.zeros(len(tiles.position), wp.int32)
+
+        def find(own: wp.array, points: Points, reach: float, turn: float) -> None:
+            near = nearest_of(launcher, points, on_surface, reach, turn)
+            launcher.launch(kernels_cascade.settle, len(own), [own, near, place], [result])
+
+        find(_places(launcher, is_full), sources, HOME_REACH * length, HOME_TURN * length)
+        if not is_full.all():
             # What is fixed may lie there, and ends of lines.
-            near = nearest_of(launcher, chosen(launcher, tiles, empty), on_surface, FAR_HOME_REACH * length, 0.0)
-            result[empty] = place[np.maximum(near.numpy(), 0)]
+            empty = _places(launcher, ~is_full)
+            find(empty, chosen(launcher, tiles, empty), FAR_HOME_REACH * length, 0.0)
         return result
 
     def _make_table(self, uniform: np.ndarray) -> kernels_cascade.NearTable:
@@ -351,87 +401,92 @@ class Cascade:
         return table
 
     def _find_near_target(
-        self,
-        facets: Facets,
-        tiles: Points,
-        parts: _Parts,
-        share: np.ndarray,
-        table: kernels_cascade.NearTable,
+        self, facets: Facets, tiles: Points, parts: _Parts, columns: int, table: kernels_cascade.NearTable
     ) -> wp.array:
         """The near part of the target's force at the corners of all tiles, image after image, ``wp.vec3``."""
-        launcher, count, device = self.launcher, facets.corner_count, self.launcher.device
-        position, normal, tile = (launcher.empty(count, kind) for kind in (wp.vec3, wp.vec3, wp.int32))
-        launcher.launch(kernels_facets.locate_corners, count, [facets.count, self._facets], [position, normal, tile])
-        sources = parts.points
-        # On a mesh that is finer than bodies can tell, many points count as one.
-        charge = share[:, parts.tile] * parts.share
-        apart = SOURCE_DISTANCE * self._length
-        if len(sources.position) * apart**2 > MANY_SOURCES * facets.area.sum():
-            few = thinned(launcher, sources, apart)
-            representatives = chosen(launcher, sources, few)
-            nearest = nearest_of(launcher, sources, representatives, 2.0 * apart, apart).numpy()
-            charge = np.stack([np.bincount(nearest, column, len(few)) for column in charge])
-            place, number = sources.position.numpy().astype(np.float64), np.bincount(nearest, minlength=len(few))
-            middle = np.stack([np.bincount(nearest, place[:, axis], len(few)) / number for axis in range(3)], axis=1)
-            representatives.position.assign(middle.astype(np.float32))
-            sources = representatives
+        launcher, count = self.launcher, facets.corner_count
+        at_corners, tile = empty_points(launcher, count), launcher.empty(count, wp.int32)
+        outputs = [at_corners.position, at_corners.normal, tile]
+        launcher.launch(kernels_facets.locate_corners, count, [facets.count, self._facets], outputs)
+        at_corners.label = taken(launcher, tile, tiles.label)
         # Corners of neighboring facets that lie in one place, and look to nearly the same side, have the same force.
-        at, look, label = position.numpy(), normal.numpy(), tiles.label.numpy()[tile.numpy()]
-        first, which = _alike(at, look, label)
-        corners = empty_points(launcher, len(first))
-        corners.position.assign(at[first])
-        corners.normal.assign(look[first])
-        corners.label.assign(label[first])
-        count = len(sources.position)
-        in_order = kernels_cascade.Sources()
-        in_order.grid = grid_of(launcher, sources.position, table.cutoff)
-        # Kernels read beyond the ends: see LANES.
-        in_order.label = launcher.zeros(count + kernels_cascade.LANES, wp.int32)
-        in_order.plane = launcher.zeros((6 + len(share)) * count + kernels_cascade.LANES, float)
-        of_sources = wp.array(charge.ravel(), dtype=float, device=device)
-        launcher.launch(kernels_cascade.sort_sources, count, [sources, of_sources, len(share)], [in_order])
-        force = launcher.empty(len(share) * len(first), wp.vec3)
+        cell = max(SAME_PLACE, facets.extent / (1 << 20))
+        first, which = alike(launcher, at_corners, -0.5 * (facets.size + cell), cell, 1.0 / SAME_SIDE)
+        corners = chosen(launcher, at_corners, first)
+        sources, source_count = self._sources(facets, parts, columns, table.cutoff)
+        force = launcher.empty(columns * len(first), wp.vec3)
         launcher.launch(
             kernels_cascade.near_target,
             len(first),
-            [corners, in_order, len(share), count, table],
+            [corners, sources, columns, source_count, table],
             [force],
             grain=GRAIN_OF_NEIGHBORS,
         )
-        everywhere = force.numpy().reshape(len(share), len(first), 3)[:, which]
-        return wp.array(everywhere.reshape(-1, 3), dtype=wp.vec3, device=device)
+        everywhere = launcher.empty(columns * count, wp.vec3)
+        launcher.launch(kernels_points.spread_vectors, count, [which, len(first), columns, force], [everywhere])
+        return everywhere
 
-    def _shared_out(self, parts: _Parts, home: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Share numbers of tiles out among the nodes, as charges are, column by column; every part of a tile by itself.
+    def _sources(
+        self, facets: Facets, parts: _Parts, columns: int, cutoff: float
+    ) -> tuple[kernels_cascade.Sources, int]:
+        """What the near part of the target's force is summed over, in the order of its cells, and how many points that are."""
+        launcher, points, charge = self.launcher, parts.points, parts.all_amounts(columns)
+        # On a mesh that is finer than bodies can tell, many points count as one.
+        apart = SOURCE_DISTANCE * self._length
+        if len(points.position) * apart**2 > MANY_SOURCES * facets.area.sum():
+            points, charge = self._fewer(points, charge, columns, apart)
+        count = len(points.position)
+        sources = kernels_cascade.Sources()
+        sources.grid = grid_of(launcher, points.position, cutoff)
+        # Kernels read beyond the ends: see LANES.
+        sources.label = launcher.zeros(count + kernels_cascade.LANES, wp.int32)
+        sources.plane = launcher.zeros((6 + columns) * count + kernels_cascade.LANES, float)
+        launcher.launch(kernels_cascade.sort_sources, count, [points, charge, columns], [sources])
+        return sources, count
 
-        The last column is the area of the tiles. From the middles of tiles alone, large ones would be blurred less than small ones,
-        and bodies would follow where the two meet.
+    def _fewer(self, points: Points, charge: wp.array, columns: int, apart: float) -> tuple[Points, wp.array]:
+        """Fewer points, so far apart, that have the charges of those near them, column after column, and lie in their middle."""
+        launcher, count = self.launcher, len(points.position)
+        few = chosen(launcher, points, thinned(launcher, points, apart))
+        nearest = nearest_of(launcher, points, few, 2.0 * apart, apart).numpy()
+
+        def added(values: np.ndarray) -> np.ndarray:
+            return np.bincount(nearest, values, len(few.position))
+
+        summed = np.concatenate([added(column) for column in charge.numpy().reshape(columns, count)])
+        number = np.bincount(nearest, minlength=len(few.position))
+        middle = np.stack([added(axis) / number for axis in points.position.numpy().astype(np.float64).T], axis=1)
+        few.position.assign(middle.astype(np.float32))
+        return few, launcher.array(summed.astype(np.float32), float)
+
+    def _shared_out(self, parts: _Parts, total: np.ndarray, uniform: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Share images out among the nodes, as charges are; and the area of the tiles that are full.
+
+        Every part of a tile goes by itself: from the middles of tiles alone, large ones would be blurred less than small ones, and
+        bodies would follow where the two meet.
+
+        Args:
+            parts: What images are on, with the share of every image and, last, the area.
+            total: What there is of every image, shape ``[column_count]``.
+            uniform: Whether as much of it is on every tile that is full as this has area, shape ``[column_count]``.
         """
-        launcher, device = self.launcher, self.launcher.device
-        result = np.zeros((len(columns), self.node_count))
-        # A uniform density has as much of every tile as the last column, the area.
-        ratio = columns[:-1] / columns[-1]
-        same = np.flatnonzero(_same_everywhere(columns[:-1], columns[-1]))
-        for number in range(QUARTERS):
-            own = np.flatnonzero(parts.part == number)
-            count = len(own)
-            if not count:
-                continue
-            tile = parts.tile[own]
-            homes = wp.array(home[tile], dtype=wp.int32, device=device)
+        launcher, columns = self.launcher, len(total)
+        result = np.zeros((columns + 1, self.node_count))
+        in_order = None
+        for number, tile in enumerate(parts.tile):
+            count = len(tile)
+            homes = taken(launcher, tile, self.home)
             sort = CellSort(launcher, count, self.node_count)
             sort.sort(kernels_cascade.find_homes, [homes])
-            homed = _homed(chosen(launcher, parts.points, own), homes, sort)
-            in_order = _room_for_sorted(launcher, count)
+            homed = _homed(parts.quarter(number), homes, sort)
+            if in_order is None or len(in_order.group) != count:
+                in_order = _room_for_sorted(launcher, count)
             group = launcher.zeros(count, wp.int32)
-            for column, values in enumerate(columns):
-                if column in same:
-                    continue
-                amount = wp.array(values[tile] * parts.share[own], dtype=float, device=device)
+            for column in [*np.flatnonzero(~uniform).tolist(), columns]:
                 launcher.launch(
                     kernels_cascade.fit_rows,
                     count,
-                    [homed, amount, group, self._weights],
+                    [homed, parts.amounts(number, column), group, self._weights],
                     [in_order],
                     grain=GRAIN_OF_NEIGHBORS,
                 )
@@ -444,8 +499,8 @@ class Cascade:
                     grain=GRAIN_OF_NEIGHBORS,
                 )
                 result[column] += received.numpy()
-        result[same] = ratio[same, :1] * result[-1]
-        return result
+        result[:-1][uniform] = total[uniform, None] / parts.area * result[-1]
+        return result[:-1], result[-1]
 
     def _make_levels(self, nodes: Points, diagonal: float) -> None:
         """Make nodes for one octave after the other, until one is as wide as the surface."""
@@ -504,6 +559,11 @@ class Cascade:
         return tuple(result)
 
 
+def _places(launcher: Launcher, mask: np.ndarray) -> wp.array:
+    """Where a mask is true, ``wp.int32``."""
+    return launcher.array(np.flatnonzero(mask).astype(np.int32), wp.int32)
+
+
 def _same_everywhere(share: np.ndarray, area: np.ndarray) -> np.ndarray:
     """Which images are uniform, shape ``[column_count]``: they have as much of every tile as it has area."""
     ratio = share / area
@@ -522,6 +582,7 @@ def _near_force(squared: np.ndarray, blur: float = 0.0) -> np.ndarray:
     return force - np.exp(-0.5 * squared / blur**2) if blur > 0.0 else force
 
 
+@lru_cache(maxsize=16)
 def _near_terms(cutoff: float, softness: Softness | None) -> np.ndarray:
     """Factors of the polynomial of the near part between charges (:class:`.NearPart`)."""
     squared = np.linspace(0.0, 1.0, FITTED)
@@ -558,26 +619,3 @@ def _weights_of(launcher: Launcher, nodes: Points, width: float, length: float) 
     weights.plane = launcher.zeros(kernels_cascade.NODE_PLANES * count + kernels_cascade.LANES, float)
     launcher.launch(kernels_cascade.fill_planes, count, [nodes], [weights.plane])
     return weights
-
-
-def _alike(place: np.ndarray, side: np.ndarray, label: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the first of all corners that are alike, and which of these each corner is like.
-
-    Args:
-        place: Where they are, in units, shape ``[n, 3]``.
-        side: Normals there.
-        label: Parts of the surface that they are on, shape ``[n]``.
-    """
-    # Column by column: NumPy is several times as fast along them as across.
-    columns = [np.ascontiguousarray(place[:, k]) for k in range(3)]
-    step = max(SAME_PLACE, max(float(column.max() - column.min()) for column in columns) / (1 << 20))
-    # Three numbers fit into one where each has 21 bits.
-    x, y, z = (np.round((column - column.min()) / step).astype(np.int64) for column in columns)
-    u, v, w = (np.round((side[:, k] + 1.0) / SAME_SIDE).astype(np.int64) for k in range(3))
-    one, other = (x << 42) | (y << 21) | z, (label.astype(np.int64) << 24) | (u << 16) | (v << 8) | w
-    order = np.lexsort((other, one))
-    new = np.ones(len(order), bool)
-    new[1:] = (np.diff(one[order]) != 0) | (np.diff(other[order]) != 0)
-    which = np.empty(len(order), np.int64)
-    which[order] = np.cumsum(new) - 1
-    return order[new], which

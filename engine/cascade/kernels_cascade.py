@@ -515,6 +515,20 @@ def find_homes(
 
 
 @wp.kernel
+def settle(
+    first: int,
+    tile: wp.array(dtype=wp.int32),
+    near: wp.array(dtype=wp.int32),
+    place: wp.array(dtype=wp.int32),
+    # outputs
+    home: wp.array(dtype=wp.int32),
+):
+    """Give tiles their homes: what is near to each, or the first where nothing is, by its place among all nodes."""
+    i = first + wp.tid()
+    home[tile[i]] = place[wp.max(near[i], 0)]
+
+
+@wp.kernel
 def fill_planes(
     first: int,
     nodes: Points,

@@ -28,6 +28,18 @@ class PointGrid:
     start: wp.array(dtype=wp.int32)
 
 
+@wp.struct
+class Likeness:
+    """Which points are alike: those of one part in one cell whose normals, times ``turns``, are the same whole numbers.
+
+    Where cells begin, and how large they are.
+    """
+
+    low: wp.vec3
+    cell: wp.float32
+    turns: wp.float32
+
+
 @wp.func
 def cell_at(position: wp.vec3, inverse_size: float):
     return wp.vec3i(
@@ -106,6 +118,7 @@ def thin_out(
     # outputs
     kept: wp.array(dtype=wp.int32),
     kept_count: wp.array(dtype=wp.int32),
+    is_kept: wp.array(dtype=wp.int32),
 ):
     """Keep points of which no two of one sheet are nearer than ``radius``, and of which no others could be kept too.
 
@@ -125,6 +138,81 @@ def thin_out(
             if not is_crowded(i, points, grid, radius, kept, kept_count):
                 kept[begin + kept_count[slot]] = i
                 kept_count[slot] = kept_count[slot] + 1
+                is_kept[i] = 1
+
+
+@wp.func
+def cell_of_alike(position: wp.vec3, likeness: Likeness):
+    return wp.vec3i(
+        int(wp.floor((position[0] - likeness.low[0]) / likeness.cell)),
+        int(wp.floor((position[1] - likeness.low[1]) / likeness.cell)),
+        int(wp.floor((position[2] - likeness.low[2]) / likeness.cell)),
+    )
+
+
+@wp.func
+def turn_of_alike(normal: wp.vec3, likeness: Likeness):
+    return wp.vec3i(
+        int(wp.rint(normal[0] * likeness.turns)),
+        int(wp.rint(normal[1] * likeness.turns)),
+        int(wp.rint(normal[2] * likeness.turns)),
+    )
+
+
+@wp.func
+def slot_of_alike(i: int, points: Points, likeness: Likeness, mask: int):
+    """Slot of what a point is like: neighboring cells have slots side by side, wherever these are."""
+    turn = turn_of_alike(points.normal[i], likeness)
+    mixed = (turn[0] * 73856093) ^ (turn[1] * 19349663) ^ (turn[2] * 83492791) ^ (points.label[i] * 49979693)
+    mixed = mixed ^ (mixed >> 15)
+    return (slot_of(cell_of_alike(points.position[i], likeness), mask) + 64 * mixed) & mask
+
+
+@wp.kernel
+def find_slots_of_alike(
+    first: int,
+    points: Points,
+    likeness: Likeness,
+    mask: int,
+    # outputs
+    key: wp.array(dtype=wp.int32),
+    order: wp.array(dtype=wp.int32),
+):
+    """Sort points into a table in which those that are alike share a slot."""
+    i = first + wp.tid()
+    key[i] = slot_of_alike(i, points, likeness, mask)
+    order[i] = i
+
+
+@wp.func
+def are_alike(i: int, j: int, points: Points, likeness: Likeness):
+    if points.label[i] != points.label[j]:
+        return False
+    if not same_cell(cell_of_alike(points.position[i], likeness), cell_of_alike(points.position[j], likeness)):
+        return False
+    return same_cell(turn_of_alike(points.normal[i], likeness), turn_of_alike(points.normal[j], likeness))
+
+
+@wp.kernel
+def find_first_alike(
+    first: int,
+    points: Points,
+    likeness: Likeness,
+    mask: int,
+    order: wp.array(dtype=wp.int32),
+    start: wp.array(dtype=wp.int32),
+    # outputs
+    first_alike: wp.array(dtype=wp.int32),
+    is_first: wp.array(dtype=wp.int32),
+):
+    """The first of the points that are like each, and whether it is that itself; those of a slot are in their order."""
+    i = first + wp.tid()
+    s = start[slot_of_alike(i, points, likeness, mask)]
+    # It is found at last where it is itself.
+    while order[s] != i and not are_alike(i, order[s], points, likeness):
+        s += 1
+    first_alike[i] = order[s]
+    is_first[i] = int(order[s] == i)
 
 
 @wp.kernel
@@ -346,3 +434,57 @@ def choose_points(
     chosen.position[i] = points.position[index[i]]
     chosen.normal[i] = points.normal[index[i]]
     chosen.label[i] = points.label[index[i]]
+
+
+@wp.kernel
+def take_numbers(
+    first: int,
+    index: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.int32),
+    # outputs
+    taken: wp.array(dtype=wp.int32),
+):
+    i = first + wp.tid()
+    taken[i] = values[index[i]]
+
+
+@wp.kernel
+def take_amounts(
+    first: int,
+    index: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=float),
+    # outputs
+    taken: wp.array(dtype=float),
+):
+    i = first + wp.tid()
+    taken[i] = values[index[i]]
+
+
+@wp.kernel
+def list_flagged(
+    first: int,
+    flag: wp.array(dtype=wp.int32),
+    start: wp.array(dtype=wp.int32),
+    # outputs
+    place: wp.array(dtype=wp.int32),
+):
+    """Places of ones among zeros and ones; ``start`` is their running sum."""
+    i = first + wp.tid()
+    if flag[i] != 0:
+        place[start[i]] = i
+
+
+@wp.kernel
+def spread_vectors(
+    first: int,
+    of: wp.array(dtype=wp.int32),
+    count: int,
+    columns: int,
+    values: wp.array(dtype=wp.vec3),
+    # outputs
+    result: wp.array(dtype=wp.vec3),
+):
+    """Give each of some points the vectors of the one of ``count`` that it is like, column after column."""
+    i = first + wp.tid()
+    for c in range(columns):
+        result[c * of.shape[0] + i] = values[c * count + of[i]]

@@ -8,19 +8,22 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..device.running_sum import running_sum
 from ..space.cell_sort import CellSort
 from . import kernels_points
 
 __all__ = [
     "Lists",
+    "alike",
     "chosen",
     "empty_points",
+    "flagged",
     "grid_of",
     "joined",
     "lists_of",
     "nearest_of",
-    "running_sum",
     "runs_of",
+    "taken",
     "thinned",
 ]
 
@@ -29,6 +32,8 @@ SLOTS_PER_POINT = 2
 # Points that are far denser than they are to be kept are first made as few as there are cells of this share of the distance.
 CELLS_OF_RADIUS = 4.0
 CROWDED = 0.5
+# Such points look into the same direction where their normals, times this, are the same whole numbers: to one of 27 sides.
+TURNS_OF_CELL = 1.49
 # Entries that most lists of neighbors have room for; those of other surfaces are made once more.
 ROOM = 64
 # Numbers that a run takes in rather than end.
@@ -55,12 +60,25 @@ def empty_points(launcher: Launcher, count: int) -> kernels_points.Points:
     return points
 
 
-def chosen(launcher: Launcher, points: kernels_points.Points, index: np.ndarray) -> kernels_points.Points:
-    """Some of the points."""
+def chosen(launcher: Launcher, points: kernels_points.Points, index: wp.array) -> kernels_points.Points:
+    """Some of the points, by their numbers, ``wp.int32``."""
     result = empty_points(launcher, len(index))
-    numbers = wp.array(index.astype(np.int32), dtype=wp.int32, device=launcher.device)
-    launcher.launch(kernels_points.choose_points, len(index), [numbers, points], [result])
+    launcher.launch(kernels_points.choose_points, len(index), [index, points], [result])
     return result
+
+
+def taken(launcher: Launcher, index: wp.array, values: wp.array) -> wp.array:
+    """Some of some numbers, ``float`` or ``wp.int32``, by their places, ``wp.int32``."""
+    kernel = kernels_points.take_amounts if values.dtype == wp.float32 else kernels_points.take_numbers
+    result = launcher.empty(len(index), values.dtype)
+    launcher.launch(kernel, len(index), [index, values], [result])
+    return result
+
+
+def flagged(launcher: Launcher, flag: wp.array) -> wp.array:
+    """Places of all ones among zeros and ones, ``wp.int32``, from the first to the last."""
+    start, total = running_sum(launcher, flag)
+    return _listed(launcher, flag, start, total)
 
 
 def joined(launcher: Launcher, one: kernels_points.Points, other: kernels_points.Points) -> kernels_points.Points:
@@ -80,7 +98,7 @@ def joined(launcher: Launcher, one: kernels_points.Points, other: kernels_points
 def grid_of(launcher: Launcher, position: wp.array, cell: float) -> kernels_points.PointGrid:
     """Sort points into cells of a size."""
     count = len(position)
-    slots = 1 << max(4, (SLOTS_PER_POINT * count - 1).bit_length())
+    slots = _slots_for(count)
     sort = CellSort(launcher, count, slots)
     sort.sort(kernels_points.find_slots, [position, 1.0 / cell, slots - 1])
     grid = kernels_points.PointGrid()
@@ -91,40 +109,76 @@ def grid_of(launcher: Launcher, position: wp.array, cell: float) -> kernels_poin
     return grid
 
 
-def thinned(launcher: Launcher, points: kernels_points.Points, radius: float) -> np.ndarray:
+def thinned(launcher: Launcher, points: kernels_points.Points, radius: float) -> wp.array:
     """Numbers of points that keep a distance: as many that no further one fits in; sheets that look apart do not see each other."""
-    few = _one_of_each_cell(points, radius / CELLS_OF_RADIUS)
+    few = _one_of_each_cell(launcher, points, radius / CELLS_OF_RADIUS)
     if few is not None:
-        return few[thinned(launcher, chosen(launcher, points, few), radius)]
+        return taken(launcher, thinned(launcher, chosen(launcher, points, few), radius), few)
     count = len(points.position)
     grid = grid_of(launcher, points.position, radius)
-    kept = wp.array(np.full(count, -1, np.int32), dtype=wp.int32, device=launcher.device)
-    kept_count = launcher.zeros(grid.mask + 1, wp.int32)
+    kept = launcher.array(np.broadcast_to(np.int32(-1), count), wp.int32)
+    kept_count, is_kept = launcher.zeros(grid.mask + 1, wp.int32), launcher.zeros(count, wp.int32)
     for phase in range(8):
         launcher.launch(
             kernels_points.thin_out,
             grid.mask + 1,
             [phase, points, grid, radius],
-            [kept, kept_count],
+            [kept, kept_count, is_kept],
             grain=GRAIN_OF_NEIGHBORS,
         )
-    numbers = kept.numpy()
-    return np.sort(numbers[numbers >= 0])
+    return flagged(launcher, is_kept)
 
 
-def _one_of_each_cell(points: kernels_points.Points, cell: float) -> np.ndarray | None:
-    """Numbers of points of which no two lie in one cell, on one part and look into the same direction; None if nearly all do not."""
-    position, normal = points.position.numpy(), points.normal.numpy()
-    key = points.label.numpy().astype(np.int64)
-    # Where numbers grow beyond 64 bits, they go round: cells that then share one lose a point, no more.
-    for axis in range(3):
-        place = np.floor(position[:, axis] / cell).astype(np.int64)
-        place -= place.min()
-        key = key * (int(place.max()) + 1) + place
-    for axis in range(3):
-        key = 3 * key + np.round(normal[:, axis] * 1.49).astype(np.int64) + 1
-    few = np.unique(key, return_index=True)[1]
-    return np.sort(few) if len(few) < CROWDED * len(key) else None
+def alike(
+    launcher: Launcher, points: kernels_points.Points, low: np.ndarray, cell: float, turns: float
+) -> tuple[wp.array, wp.array]:
+    """Return the first of all points that are alike, and which of these each point is like; both ``wp.int32``.
+
+    Args:
+        launcher: Where to run.
+        points: The points. They are alike where they lie in one cell, on one part and look into the same direction.
+        low: Where cells begin, shape ``[3]``.
+        cell: Size of a cell.
+        turns: Directions are the same where normals times this are the same whole numbers.
+    """
+    first, is_first = _first_alike(launcher, points, low, cell, turns)
+    start, total = running_sum(launcher, is_first)
+    return _listed(launcher, is_first, start, total), taken(launcher, first, start)
+
+
+def _one_of_each_cell(launcher: Launcher, points: kernels_points.Points, cell: float) -> wp.array | None:
+    """Numbers of points of which no two are alike (:func:`alike`), from the first to the last; None if nearly all do not."""
+    is_first = _first_alike(launcher, points, np.zeros(3), cell, TURNS_OF_CELL)[1]
+    start, total = running_sum(launcher, is_first)
+    return _listed(launcher, is_first, start, total) if total < CROWDED * len(is_first) else None
+
+
+def _first_alike(
+    launcher: Launcher, points: kernels_points.Points, low: np.ndarray, cell: float, turns: float
+) -> tuple[wp.array, wp.array]:
+    """For every point the first one that it is like, see :func:`alike`, and whether it is that itself."""
+    count = len(points.position)
+    slots = _slots_for(count)
+    likeness = kernels_points.Likeness()
+    likeness.low, likeness.cell, likeness.turns = wp.vec3(*low.tolist()), cell, turns
+    sort = CellSort(launcher, count, slots)
+    sort.sort(kernels_points.find_slots_of_alike, [points, likeness, slots - 1])
+    first, is_first = launcher.empty(count, wp.int32), launcher.empty(count, wp.int32)
+    inputs = [points, likeness, slots - 1, sort.order, sort.cell_start]
+    launcher.launch(kernels_points.find_first_alike, count, inputs, [first, is_first])
+    return first, is_first
+
+
+def _listed(launcher: Launcher, flag: wp.array, start: wp.array, total: int) -> wp.array:
+    """Places of all ones among zeros and ones, of which the running sum is known."""
+    result = launcher.empty(total, wp.int32)
+    launcher.launch(kernels_points.list_flagged, len(flag), [flag, start], [result])
+    return result
+
+
+def _slots_for(count: int) -> int:
+    """Slots of a table of so many points: a power of two."""
+    return 1 << max(4, (SLOTS_PER_POINT * count - 1).bit_length())
 
 
 def nearest_of(
@@ -181,10 +235,3 @@ def runs_of(launcher: Launcher, lists: Lists) -> Lists:
     inputs = [lists.start, between, lists.entry, start]
     launcher.launch(kernels_points.list_runs, n, inputs, [run], grain=GRAIN_OF_NEIGHBORS)
     return Lists(start, run)
-
-
-def running_sum(launcher: Launcher, count: wp.array) -> tuple[wp.array, int]:
-    """Where lists of so many entries start, and how many entries there are."""
-    start = np.zeros(len(count) + 1, np.int64)
-    np.cumsum(count.numpy(), out=start[1:])
-    return wp.array(start.astype(np.int32), dtype=wp.int32, device=launcher.device), int(start[-1])

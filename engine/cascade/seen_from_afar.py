@@ -37,14 +37,7 @@ SHARED = ("mesh", "corner", "normal", "label", "open_sides", "cuts", "first_tile
 
 def is_rough(facets: Facets) -> bool:
     """Tell whether a surface turns so much within a unit that what two bodies see of each other is chance."""
-    normal, corner = facets.corner_normal, facets.corner
-    steepest = np.zeros(facets.count)
-    for k in range(3):
-        one, other = k, (k + 1) % 3
-        turn = np.linalg.norm(normal[:, one] - normal[:, other], axis=1)
-        way = np.linalg.norm(corner[:, one] - corner[:, other], axis=1)
-        steepest = np.maximum(steepest, turn / np.maximum(way, 1e-6))
-    return float((facets.area * np.minimum(steepest, MOST_TURN) ** 2).sum()) > ROUGH**2 * float(facets.area.sum())
+    return float((facets.area * facets.turns(MOST_TURN) ** 2).sum()) > ROUGH**2 * float(facets.area.sum())
 
 
 def seen_from_afar(

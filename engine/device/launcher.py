@@ -10,6 +10,7 @@ What is done again and again is *recorded*, once, and then played: on a GPU as a
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass
@@ -166,7 +167,7 @@ class Launcher:
         from_numpy: Callable[..., np.ndarray],
         from_warp: Callable[..., wp.array],
     ) -> wp.array:
-        size = wp.types.type_size_in_bytes(dtype) * int(np.prod(shape))
+        size = wp.types.type_size_in_bytes(dtype) * (shape if isinstance(shape, int) else math.prod(shape))
         if self.device.is_cuda or size < LARGE_ARRAY:
             return from_warp(shape, dtype=dtype, device=self.device)
         memory = from_numpy(size + CACHE_LINE, np.uint8)

@@ -213,11 +213,25 @@ class Surface:
 
         It is the inverse of :meth:`PointsOnSurface.source`. The triangles must have an area.
         """
+        first = self._first_triangles
+        # Those of one mesh are numbered as they are there, unless some were left out.
+        own = triangle if len(first) == 2 else first[mesh] + triangle
+        if len(self.source) < first[-1]:
+            own = np.searchsorted(self.source, own)
+        return self.points(own, self._turned_round(own, barycentric))
+
+    @property
+    def _first_triangles(self) -> np.ndarray:
+        """Number of the first triangle of every mesh, counted through all of them, and at the end how many there are."""
         meshes = self.meshes
         assert isinstance(meshes, tuple)
-        first = np.concatenate([[0], np.cumsum([len(one.triangles) for one in meshes])])
-        own = np.searchsorted(self.source, first[mesh] + triangle)
-        return self.points(own, np.where(self.turned[own][:, None], barycentric[:, [0, 2, 1]], barycentric))
+        return np.concatenate([[0], np.cumsum([len(mesh.triangles) for mesh in meshes])])
+
+    def _turned_round(self, triangle: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
+        """Weights of the corners of some triangles as these are in their meshes, from what they are here; or the other way."""
+        if not self.turned.any():
+            return barycentric
+        return np.where(self.turned[triangle][:, None], barycentric[:, [0, 2, 1]], barycentric)
 
     def sample(self, count: int = SAMPLES) -> PointsOnSurface:
         """Points that stand for equal areas, spread over the surface; the same ones every time."""
@@ -289,13 +303,13 @@ class PointsOnSurface:
 
     def source(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Mesh, triangle of that mesh, and weights of its corners in its own order, for every point."""
-        meshes = self.surface.meshes
-        assert isinstance(meshes, tuple)
-        triangle = self.surface.source[self.triangle]
-        first = np.concatenate([[0], np.cumsum([len(mesh.triangles) for mesh in meshes])])
+        surface = self.surface
+        first, weights = surface._first_triangles, surface._turned_round(self.triangle, self.barycentric)
+        triangle = self.triangle if len(surface.source) == first[-1] else surface.source[self.triangle]
+        if len(first) == 2:
+            return np.zeros(len(triangle), np.int64), triangle, weights
         mesh = np.searchsorted(first, triangle, side="right") - 1
-        turned = self.surface.turned[self.triangle][:, None]
-        return mesh, triangle - first[mesh], np.where(turned, self.barycentric[:, [0, 2, 1]], self.barycentric)
+        return mesh, triangle - first[mesh], weights
 
     def _of_meshes(self, read: Callable[[SurfaceMesh, np.ndarray, np.ndarray], np.ndarray | None]) -> np.ndarray:
         """What ``read`` returns of every mesh for its triangles and weights, put together; it may return None of some."""

@@ -9,16 +9,18 @@ Laplacian. In time it is exact: exp(-t L) is expanded in Chebyshev polynomials o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..problem.of_bodies import of_all
 from ..problem.smooth_normals import sides_of
 from ..problem.surface import PointsOnSurface, Surface
 from ..space.cell_sort import CellSort
 from . import kernels_heat
+from .summaries import largest_by_kind, sum_of_squares
 
 __all__ = ["HeatMesh"]
 
@@ -56,146 +58,178 @@ class HeatMesh:
         # Large triangles take most of the area.
         typical = float((longest * surface.triangle_area).sum() / surface.area)
         most = math.sqrt(max(MOST_PER_BODY * count, FEWEST) / triangles)
-        self._cuts = cuts = max(1, min(math.ceil(PER_SPACING * typical / self.spacing), int(most)))
-        place = np.array([(i, j) for j in range(cuts + 1) for i in range(cuts + 1 - j)])
-        self._weights = np.column_stack([cuts - place.sum(axis=1), place]) / cuts
-        number = {(i, j): k for k, (i, j) in enumerate(place.tolist())}
-        pattern = []
-        for j in range(cuts):
-            for i in range(cuts - j):
-                pattern.append((number[i, j], number[i + 1, j], number[i, j + 1]))
-                if i < cuts - j - 1:
-                    pattern.append((number[i + 1, j + 1], number[i, j + 1], number[i + 1, j]))
-        self._pattern = np.array(pattern)
-        self._index, n = _vertices_of(surface.welded, np.column_stack([cuts - place.sum(axis=1), place]))
-        self._face = face = self._index[:, self._pattern].reshape(-1, 3)
-        stiffness = self._stiffness(corner, n)
-        mass, diagonal, bound = (launcher.empty(n, wp.float64) for _ in range(3))
-        launcher.launch(kernels_heat.sum_at_vertices, n, [stiffness], [mass, diagonal, bound], grain=GRAIN_OF_NEIGHBORS)
+        cuts = max(1, min(math.ceil(PER_SPACING * typical / self.spacing), int(most)))
+        self._steps, self._pattern = _cut_evenly(cuts)
+        self._cut, self._count = _vertices_of(launcher, surface.welded, self._steps, self._pattern)
+        n, corners = self._count, triangles * self._pattern.size
+        stiffness = self._stiffness(corner, corners)
         # A vertex that slivers tie fast to its neighbors is as slow as the finest detail that matters.
         fastest = 4.0 / (FINEST * self.spacing) ** 2
-        self._area, bounds = mass.numpy(), bound.numpy()
-        self._mass = np.maximum(self._area, bounds / fastest)
-        self._root = np.sqrt(self._mass)
-        self._largest = float((bounds / self._mass).max())
-        root = launcher.array(self._root, wp.float64)
-        column, value = launcher.empty(2 * face.size, wp.int32), launcher.empty(2 * face.size, float)
-        launcher.launch(kernels_heat.fill_operator, n, [stiffness, root], [column, value], grain=GRAIN_OF_NEIGHBORS)
-        own = launcher.array((diagonal.numpy() / self._mass).astype(np.float32), float)
-        self._operator = [stiffness.start, column, value, own]
+        self._area, self._root, bound = (launcher.empty(n, wp.float64) for _ in range(3))
+        diagonal = launcher.empty(n, float)
+        launcher.launch(
+            kernels_heat.sum_at_vertices,
+            n,
+            [self._cut, stiffness, fastest],
+            [self._area, self._root, diagonal, bound],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
+        alike = launcher.alike(of_all(np.int32(0), n), wp.int32)
+        self._largest = float(largest_by_kind(launcher, bound, alike, 1)[0])
+        column, value = launcher.empty(2 * corners, wp.int32), launcher.empty(2 * corners, float)
+        inputs = [self._cut, stiffness, self._root]
+        launcher.launch(kernels_heat.fill_operator, n, inputs, [column, value], grain=GRAIN_OF_NEIGHBORS)
+        self._operator = [stiffness.start, column, value, diagonal]
 
-    def _stiffness(self, corner: np.ndarray, vertex_count: int) -> kernels_heat.Stiffness:
-        """The Laplacian as kernels take it."""
+    def _stiffness(self, corner: np.ndarray, corners: int) -> kernels_heat.Stiffness:
+        """The Laplacian of so many corners of small triangles as kernels take it."""
         launcher = self._launcher
         stiffness = kernels_heat.Stiffness()
-        stiffness.face = launcher.array(self._face.ravel(), wp.int32)
         stiffness.cotangent = launcher.array(_half_cotangents(corner), wp.vec3d)
-        stiffness.area = launcher.array(self._surface.triangle_area / (3.0 * self._cuts**2), wp.float64)
-        stiffness.small = len(self._pattern)
-        sort = CellSort(launcher, self._face.size, vertex_count)
-        sort.sort(kernels_heat.find_vertices, [stiffness.face])
+        stiffness.area = launcher.array(self._surface.triangle_area / len(self._pattern) / 3.0, wp.float64)
+        sort = CellSort(launcher, corners, self._count)
+        sort.sort(kernels_heat.find_vertices, [self._cut])
         stiffness.order, stiffness.start = sort.order, sort.cell_start
         return stiffness
 
-    def charges(self, triangle: np.ndarray, barycentric: np.ndarray, charge: np.ndarray) -> np.ndarray:
-        """Charges at points of the surface, shared out among the corners of the small triangles that they lie in."""
-        cuts = self._cuts
-        x, y = barycentric[:, 1] * cuts, barycentric[:, 2] * cuts
-        j = np.clip(y.astype(np.int64), 0, cuts - 1)
-        i = np.clip(x.astype(np.int64), 0, cuts - 1 - j)
-        fx, fy = x - i, y - j
-        upper = (i < cuts - 1 - j) & (fx + fy > 1.0)
-        tile = j * (2 * cuts - j) + 2 * i + upper
-        corner = self._index[triangle[:, None], self._pattern[tile]]
-        weight = np.stack([1.0 - fx - fy, fx, fy], axis=1)
-        turned = np.stack([fx + fy - 1.0, 1.0 - fx, 1.0 - fy], axis=1)
-        weight = np.where(upper[:, None], turned, weight) * charge[:, None]
-        return np.bincount(corner.ravel(), weight.ravel(), len(self._mass))
+    def charges(self, triangle: wp.array, barycentric: wp.array, charge: np.ndarray) -> wp.array:
+        """Charges at points of the surface, shared out among the corners of the small triangles that they lie in.
 
-    def target(self, density: Callable[[PointsOnSurface], np.ndarray] | None = None) -> np.ndarray:
-        """Share of a density at every vertex; None: of the surface's area.
+        Args:
+            triangle: Triangles that they are on, ``wp.int32``, shape ``[n]``.
+            barycentric: Weights of the corners of these, ``wp.vec3d``.
+            charge: Shape ``[n]``.
+
+        Returns:
+            What every vertex gets, ``wp.float64``.
+        """
+        launcher, count = self._launcher, len(charge)
+        vertex, amount = launcher.empty(3 * count, wp.int32), launcher.empty(3 * count, wp.float64)
+        inputs = [triangle, barycentric, launcher.alike(charge, wp.float64), self._cut]
+        launcher.launch(kernels_heat.share_out, count, inputs, [vertex, amount])
+        sort = CellSort(launcher, 3 * count, self._count)
+        sort.sort(kernels_heat.find_shares, [vertex])
+        total = launcher.empty(self._count, wp.float64)
+        launcher.launch(kernels_heat.add_shares, self._count, [sort.cell_start, sort.order, amount], [total])
+        return total
+
+    def target(self, density: Callable[[PointsOnSurface], np.ndarray] | None = None) -> wp.array:
+        """Share of a density at every vertex, ``wp.float64``; None: of the surface's area.
 
         Args:
             density: Of points on the surface, shape ``[n]``; it is asked at three in every small triangle, many at a time.
         """
         if density is None:
-            return self._area / self._area.sum()
-        area = self._surface.triangle_area / self._cuts**2
+            return self.mixed([self._area], [1.0 / self._surface.area])
         small = len(self._pattern)
-        share = np.zeros(len(self._mass))
-        weight = (INNER @ self._weights[self._pattern]).reshape(-1, 3)
-        face = self._face.reshape(-1, small, 3)
+        area = self._surface.triangle_area / small
+        share = np.zeros(self._count)
+        weight = (INNER @ (self._steps[self._pattern] / self._cut.cuts)).reshape(-1, 3)
+        face = self._cut.vertex.numpy().reshape(len(area), -1)[:, self._pattern]
         at_once = max(1, POINTS_AT_ONCE // len(weight))
         for first in range(0, len(area), at_once):
             own = np.arange(first, min(first + at_once, len(area)))
             points = self._surface.points(np.repeat(own, len(weight)), np.tile(weight, (len(own), 1)))
             values = density(points).reshape(len(own), small, 3) * (area[own] / 3.0)[:, None, None]
             share += np.bincount(face[own].ravel(), (values @ INNER).ravel(), len(share))
-        return share / share.sum()
+        return self._launcher.array(share / share.sum(), wp.float64)
 
-    def error(self, charges: np.ndarray, target: np.ndarray, count: int, k: float = 1.0) -> float:
-        """Coverage error of ``count`` bodies at ``k`` of their spacings: RMS of the smoothed difference over the mean density."""
-        total = float(charges.sum())
+    def mixed(self, values: Sequence[wp.array], factors: Sequence[float]) -> wp.array:
+        """Sum of numbers of all vertices, each times its factor."""
+        result = self._launcher.zeros(self._count, wp.float64)
+        for own, factor in zip(values, factors, strict=True):
+            self._launcher.launch(kernels_heat.add_times, self._count, [own, factor], [result])
+        return result
+
+    def error(self, charges: wp.array, total: float, target: wp.array, count: int, k: float = 1.0) -> float:
+        """Coverage error of ``count`` bodies at ``k`` of their spacings: RMS of the smoothed difference over the mean density.
+
+        ``total`` is the sum of their ``charges``.
+        """
         spacing = math.sqrt(self._surface.area / count)
-        smooth = self._spread(charges / total - target, 0.5 * (k * spacing) ** 2)
-        return math.sqrt(float((self._mass * smooth**2).sum()) * self._surface.area)
+        smooth = self._spread(charges, total, target, 0.5 * (k * spacing) ** 2)
+        return math.sqrt(sum_of_squares(self._launcher, smooth) * self._surface.area)
 
-    def _spread(self, charge: np.ndarray, time: float) -> np.ndarray:
-        """Density of charges after a time [m²]."""
+    def _spread(self, charges: wp.array, total: float, target: wp.array, time: float) -> wp.array:
+        """What charges over their total, less a target, are after a time [m²]: densities times the roots of the masses, float."""
+        launch, n = self._launcher.launch, self._count
         half = 0.5 * time * self._largest
         coefficient = _chebyshev(half)
-        device, n = self._launcher.device, len(charge)
-        start = charge / self._root
-        # x = 1 - 2 L / largest: T_0 is 1, T_1 is x.
-        before = wp.array(start, dtype=float, device=device)
-        result = wp.array(coefficient[0] * start, dtype=float, device=device)
-        now = wp.clone(before)
         scale = 2.0 / self._largest
-        zero = wp.zeros(n, dtype=float, device=device)
+        # x = 1 - 2 L / largest: T_0 is 1, T_1 is x.
+        before, result = self._launcher.empty(n, float), self._launcher.empty(n, float)
+        launch(kernels_heat.begin_spread, n, [charges, total, target, self._root, coefficient[0]], [before, result])
         # The first step makes twice T_1 of T_0; half of it is T_1.
-        self._launcher.launch(
-            kernels_heat.chebyshev_step, n, [*self._operator, scale, before, 0.5 * coefficient[1]], [zero, result]
-        )
-        now = wp.array(0.5 * zero.numpy(), dtype=float, device=device)
+        now = self._launcher.zeros(n, float)
+        launch(kernels_heat.chebyshev_step, n, [*self._operator, scale, before, 0.5 * coefficient[1]], [now, result])
+        launch(kernels_heat.halve, n, [], [now])
         for factor in coefficient[2:]:
-            self._launcher.launch(
-                kernels_heat.chebyshev_step, n, [*self._operator, scale, now, factor], [before, result]
-            )
+            launch(kernels_heat.chebyshev_step, n, [*self._operator, scale, now, factor], [before, result])
             before, now = now, before
-        return result.numpy().astype(np.float64) / self._root
+        return result
 
 
-def _vertices_of(welded: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, int]:
+def _cut_evenly(cuts: int) -> tuple[np.ndarray, np.ndarray]:
+    """Where the vertices of a triangle lie whose sides are cut into so many parts, and which three of them every small one has.
+
+    Weights of the triangle's corners, whole numbers whose sum is ``cuts``, shape ``[p, 3]``; and places in that table, ``[cuts², 3]``.
+    """
+    place = np.array([(i, j) for j in range(cuts + 1) for i in range(cuts + 1 - j)])
+    number = {(i, j): k for k, (i, j) in enumerate(place.tolist())}
+    pattern = []
+    for j in range(cuts):
+        for i in range(cuts - j):
+            pattern.append((number[i, j], number[i + 1, j], number[i, j + 1]))
+            if i < cuts - j - 1:
+                pattern.append((number[i + 1, j + 1], number[i, j + 1], number[i + 1, j]))
+    return np.column_stack([cuts - place.sum(axis=1), place]), np.array(pattern)
+
+
+def _vertices_of(
+    launcher: Launcher, welded: np.ndarray, steps: np.ndarray, pattern: np.ndarray
+) -> tuple[kernels_heat.Cut, int]:
     """Number the vertices that triangles have when they are cut; those on shared corners and sides are one.
 
     Args:
+        launcher: Where to run.
         welded: Numbers of the corners of the triangles, shape ``[t, 3]``.
-        steps: Where the vertices of each lie: weights of its corners, whole numbers of the same sum, shape ``[p, 3]``.
+        steps: Where the vertices of each lie, see :func:`_cut_evenly`.
+        pattern: Which of them its small triangles have, see there.
 
     Returns:
-        The number of every vertex, shape ``[t, p]``, int32, and how many there are.
+        How the surface is cut, and how many vertices there are.
     """
-    triangles, cuts = len(welded), int(steps[0].sum())
-    result = np.empty((triangles, len(steps)), np.int32)
-    count = int(welded.max()) + 1
-    start, end, key = (values.reshape(-1, 3) for values in sides_of(welded))
+    triangles, cuts, corner_count = len(welded), int(steps[0].sum()), int(welded.max()) + 1
+    start, end, key = sides_of(welded)
     # A side whose ends are one is a point.
     is_side = start != end
-    side = np.zeros(is_side.shape, np.int64)
-    sides, side[is_side] = np.unique(key[is_side], return_inverse=True)
-    for k in range(3):
-        ahead, behind = (k + 1) % 3, (k + 2) % 3
-        result[:, np.flatnonzero(steps[:, k] == cuts)] = welded[:, k, None]
-        on_side = np.flatnonzero((steps[:, k] == 0) & (steps[:, ahead] > 0) & (steps[:, behind] > 0))
-        # Along it from the end with the smaller number, so that the triangles beside it agree.
-        forward = (start[:, k] < end[:, k])[:, None]
-        along = np.where(forward, steps[on_side, behind], steps[on_side, ahead])
-        numbers = count + side[:, k, None] * (cuts - 1) + along - 1
-        result[:, on_side] = np.where(is_side[:, k, None], numbers, start[:, k, None])
-    count += len(sides) * (cuts - 1)
-    inner = np.flatnonzero((steps > 0).all(axis=1))
-    result[:, inner] = count + np.arange(triangles * len(inner)).reshape(triangles, -1)
-    return result, count + triangles * len(inner)
+    number = np.zeros(len(key), np.int32)
+    sides, number[is_side] = np.unique(key[is_side], return_inverse=True)
+    of_triangles = kernels_heat.Sides()
+    of_triangles.start, of_triangles.end, of_triangles.number = (
+        launcher.array(values.astype(np.int32), wp.int32) for values in (start, end, number)
+    )
+    is_inner = (steps > 0).all(axis=1)
+    inner_count = int(is_inner.sum())
+    inner = np.where(is_inner, np.cumsum(is_inner) - 1, 0).astype(np.int32)
+    cut = kernels_heat.Cut()
+    cut.cuts, cut.places, cut.small = cuts, len(steps), len(pattern)
+    cut.pattern = launcher.array(pattern.astype(np.int32).ravel(), wp.int32)
+    cut.vertex = launcher.empty(triangles * len(steps), wp.int32)
+    launcher.launch(
+        kernels_heat.number_vertices,
+        triangles * len(steps),
+        [
+            launcher.array(steps.astype(np.int32), wp.vec3i),
+            of_triangles,
+            corner_count,
+            len(sides),
+            launcher.array(inner, wp.int32),
+            inner_count,
+        ],
+        [cut.vertex],
+    )
+    return cut, corner_count + len(sides) * (cuts - 1) + triangles * inner_count
 
 
 def _chebyshev(half: float) -> np.ndarray:

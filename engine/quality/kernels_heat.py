@@ -10,65 +10,144 @@ wp.set_module_options({"enable_backward": False})
 
 
 @wp.struct
-class Stiffness:
-    """The cotangent Laplacian of small triangles, ``small`` of which make a triangle of the surface and have its shape.
+class Cut:
+    """How a surface is cut: every triangle into small ones of its shape, whose corners are vertices.
 
-    Corners of the small triangles, three for each; half the cotangents at those of the large ones, and a third of a small one's area;
-    and the corners in the order of the vertices that they are, those of a vertex from ``start`` on.
+    Number of parts of a side; for every triangle the numbers of its vertices, in rows of ``places``; and the places in such a row of
+    the corners of its ``small`` small triangles, three for each.
     """
 
-    face: wp.array(dtype=wp.int32)
+    cuts: wp.int32
+    places: wp.int32
+    small: wp.int32
+    vertex: wp.array(dtype=wp.int32)
+    pattern: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Stiffness:
+    """The cotangent Laplacian of small triangles.
+
+    Half the cotangents at the corners of the large ones, and a third of a small one's area; and the corners of the small ones in the
+    order of the vertices that they are, those of a vertex from ``start`` on.
+    """
+
     cotangent: wp.array(dtype=wp.vec3d)
     area: wp.array(dtype=wp.float64)
-    small: wp.int32
     order: wp.array(dtype=wp.int32)
     start: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Sides:
+    """Sides of triangles, opposite of each corner, three for each triangle: the vertices at both ends, and a number for both."""
+
+    start: wp.array(dtype=wp.int32)
+    end: wp.array(dtype=wp.int32)
+    number: wp.array(dtype=wp.int32)
+
+
+@wp.kernel
+def number_vertices(
+    first: int,
+    steps: wp.array(dtype=wp.vec3i),
+    sides: Sides,
+    corner_count: int,
+    side_count: int,
+    inner: wp.array(dtype=wp.int32),
+    inner_count: int,
+    # outputs
+    vertex: wp.array(dtype=wp.int32),
+):
+    """Number the vertices of triangles that are cut; those on shared corners and sides are one.
+
+    ``steps`` are weights of a triangle's corners at every place, whole numbers of the same sum; ``inner`` numbers the places that lie
+    on no side. Corners come first, then what is on sides, then what is inside.
+    """
+    i = first + wp.tid()
+    places = steps.shape[0]
+    triangle = i / places
+    place = i - triangle * places
+    step = steps[place]
+    cuts = step[0] + step[1] + step[2]
+    number = corner_count + side_count * (cuts - 1) + triangle * inner_count + inner[place]
+    for k in range(3):
+        side = 3 * triangle + k
+        ahead = step[(k + 1) % 3]
+        behind = step[(k + 2) % 3]
+        if step[k] == cuts:
+            # What begins the side opposite of the next but one corner.
+            number = sides.start[3 * triangle + (k + 2) % 3]
+        elif step[k] == 0 and ahead > 0 and behind > 0:
+            # Along it from the end with the smaller number, so that the triangles beside it agree.
+            along = wp.where(sides.start[side] < sides.end[side], behind, ahead)
+            number = corner_count + sides.number[side] * (cuts - 1) + along - 1
+            # A side whose ends are one is a point.
+            if sides.start[side] == sides.end[side]:
+                number = sides.start[side]
+    vertex[i] = number
+
+
+@wp.func
+def vertex_at(corner: int, cut: Cut):
+    """Vertex that a corner of a small triangle is; the corners are counted through all of them."""
+    triangle = corner / (3 * cut.small)
+    return cut.vertex[triangle * cut.places + cut.pattern[corner - triangle * 3 * cut.small]]
 
 
 @wp.kernel
 def find_vertices(
     first: int,
-    face: wp.array(dtype=wp.int32),
+    cut: Cut,
     # outputs
     key: wp.array(dtype=wp.int32),
     order: wp.array(dtype=wp.int32),
 ):
     """Sort the corners of all small triangles by the vertices that they are."""
     i = first + wp.tid()
-    key[i] = face[i]
+    key[i] = vertex_at(i, cut)
     order[i] = i
 
 
 @wp.kernel
 def sum_at_vertices(
     first: int,
+    cut: Cut,
     stiffness: Stiffness,
+    fastest: wp.float64,
     # outputs
-    mass: wp.array(dtype=wp.float64),
-    diagonal: wp.array(dtype=wp.float64),
+    area: wp.array(dtype=wp.float64),
+    root: wp.array(dtype=wp.float64),
+    diagonal: wp.array(dtype=float),
     bound: wp.array(dtype=wp.float64),
 ):
-    """Area that every vertex stands for, the diagonal of the Laplacian, and what no row of it exceeds."""
+    """Area that every vertex stands for, the root of its mass, the operator's diagonal, and what no row of this exceeds.
+
+    Of the Laplacian over the masses. No mass is so small that heat would spread faster than ``fastest``.
+    """
     i = first + wp.tid()
-    area = wp.float64(0.0)
+    total = wp.float64(0.0)
     own = wp.float64(0.0)
     others = wp.float64(0.0)
     for s in range(stiffness.start[i], stiffness.start[i + 1]):
         k = stiffness.order[s] % 3
-        triangle = stiffness.order[s] / 3 / stiffness.small
-        area += stiffness.area[triangle]
+        triangle = stiffness.order[s] / 3 / cut.small
+        total += stiffness.area[triangle]
         one = stiffness.cotangent[triangle][(k + 1) % 3]
         other = stiffness.cotangent[triangle][(k + 2) % 3]
         own += one + other
         others += wp.abs(one) + wp.abs(other)
-    mass[i] = area
-    diagonal[i] = own
-    bound[i] = own + others
+    mass = wp.max(total, (own + others) / fastest)
+    area[i] = total
+    root[i] = wp.sqrt(mass)
+    diagonal[i] = wp.float32(own / mass)
+    bound[i] = (own + others) / mass
 
 
 @wp.kernel
 def fill_operator(
     first: int,
+    cut: Cut,
     stiffness: Stiffness,
     root: wp.array(dtype=wp.float64),
     # outputs
@@ -80,13 +159,117 @@ def fill_operator(
     for s in range(stiffness.start[i], stiffness.start[i + 1]):
         corner = stiffness.order[s]
         k = corner % 3
-        triangle = corner / 3 / stiffness.small
+        triangle = corner / 3 / cut.small
         for step in range(2):
             # The angle that counts for a side lies opposite of it.
-            other = stiffness.face[corner - k + (k + 1 + step) % 3]
+            other = vertex_at(corner - k + (k + 1 + step) % 3, cut)
             half = stiffness.cotangent[triangle][(k + 2 - step) % 3]
             column[2 * s + step] = other
             value[2 * s + step] = wp.float32(-half / (root[i] * root[other]))
+
+
+@wp.kernel
+def share_out(
+    first: int,
+    triangle: wp.array(dtype=wp.int32),
+    barycentric: wp.array(dtype=wp.vec3d),
+    charge: wp.array(dtype=wp.float64),
+    cut: Cut,
+    # outputs
+    vertex: wp.array(dtype=wp.int32),
+    amount: wp.array(dtype=wp.float64),
+):
+    """Vertices at the corners of the small triangle that every body lies in, and what each of them gets of its charge."""
+    b = first + wp.tid()
+    cuts = cut.cuts
+    x = barycentric[b][1] * wp.float64(cuts)
+    y = barycentric[b][2] * wp.float64(cuts)
+    j = wp.clamp(int(y), 0, cuts - 1)
+    i = wp.clamp(int(x), 0, cuts - 1 - j)
+    fx = x - wp.float64(i)
+    fy = y - wp.float64(j)
+    one = wp.float64(1.0)
+    weight = wp.vec3d(one - fx - fy, fx, fy)
+    tile = j * (2 * cuts - j) + 2 * i
+    if i < cuts - 1 - j and fx + fy > one:
+        weight = wp.vec3d(fx + fy - one, one - fx, one - fy)
+        tile += 1
+    for k in range(3):
+        vertex[3 * b + k] = vertex_at(3 * (triangle[b] * cut.small + tile) + k, cut)
+        amount[3 * b + k] = weight[k] * charge[b]
+
+
+@wp.kernel
+def find_shares(
+    first: int,
+    vertex: wp.array(dtype=wp.int32),
+    # outputs
+    key: wp.array(dtype=wp.int32),
+    order: wp.array(dtype=wp.int32),
+):
+    """Sort shares of charges by the vertices that get them."""
+    i = first + wp.tid()
+    key[i] = vertex[i]
+    order[i] = i
+
+
+@wp.kernel
+def add_shares(
+    first: int,
+    start: wp.array(dtype=wp.int32),
+    order: wp.array(dtype=wp.int32),
+    amount: wp.array(dtype=wp.float64),
+    # outputs
+    total: wp.array(dtype=wp.float64),
+):
+    """What every vertex gets, always added up in one order."""
+    i = first + wp.tid()
+    found = wp.float64(0.0)
+    for s in range(start[i], start[i + 1]):
+        found += amount[order[s]]
+    total[i] = found
+
+
+@wp.kernel
+def add_times(
+    first: int,
+    values: wp.array(dtype=wp.float64),
+    factor: wp.float64,
+    # outputs
+    total: wp.array(dtype=wp.float64),
+):
+    """Add so many times some numbers to others."""
+    i = first + wp.tid()
+    total[i] = total[i] + factor * values[i]
+
+
+@wp.kernel
+def begin_spread(
+    first: int,
+    charge: wp.array(dtype=wp.float64),
+    total: wp.float64,
+    target: wp.array(dtype=wp.float64),
+    root: wp.array(dtype=wp.float64),
+    coefficient: wp.float64,
+    # outputs
+    now: wp.array(dtype=float),
+    result: wp.array(dtype=float),
+):
+    """Charges over their total, less the target, over the roots of the masses; and the first term of what becomes of it."""
+    i = first + wp.tid()
+    start = (charge[i] / total - target[i]) / root[i]
+    now[i] = wp.float32(start)
+    result[i] = wp.float32(coefficient * start)
+
+
+@wp.kernel
+def halve(
+    first: int,
+    # outputs
+    values: wp.array(dtype=float),
+):
+    i = first + wp.tid()
+    values[i] = 0.5 * values[i]
 
 
 @wp.kernel
@@ -122,7 +305,7 @@ def nearest_distance(
     first: int,
     grid: wp.uint64,
     position: wp.array(dtype=wp.vec3),
-    normal: wp.array(dtype=wp.vec3),
+    normal: wp.array(dtype=wp.vec3d),
     reach: float,
     # outputs
     distance: wp.array(dtype=float),
@@ -138,6 +321,6 @@ def nearest_distance(
             way = position[j] - own
             away = wp.length(way)
             if away < least:
-                if on_one_sheet(wp.vec3d(way), wp.float64(away), wp.vec3d(normal[i]), wp.vec3d(normal[j])):
+                if on_one_sheet(wp.vec3d(way), wp.float64(away), normal[i], normal[j]):
                     least = away
     distance[i] = least

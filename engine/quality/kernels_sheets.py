@@ -81,13 +81,14 @@ def look_smoothly(
 def take_units(
     first: int,
     position: wp.array(dtype=wp.vec3d),
+    middle: wp.vec3d,
     unit: wp.float64,
     # outputs
     in_units: wp.array(dtype=wp.vec3),
 ):
-    """Positions in a unit, in single precision."""
+    """Positions in a unit, from a middle, in single precision."""
     i = first + wp.tid()
-    p = position[i] / unit
+    p = (position[i] - middle) / unit
     in_units[i] = wp.vec3(float(p[0]), float(p[1]), float(p[2]))
 
 

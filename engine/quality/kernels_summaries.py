@@ -93,3 +93,19 @@ def add_whole(
     for i in range(b * block, wp.min((b + 1) * block, values.shape[0])):
         found += wp.int64(values[i])
     total[b] = found
+
+
+@wp.kernel
+def add_squares(
+    first: int,
+    values: wp.array(dtype=float),
+    block: int,
+    # outputs
+    total: wp.array(dtype=wp.float64),
+):
+    """Sum of the squares of the numbers of every block."""
+    b = first + wp.tid()
+    found = wp.float64(0.0)
+    for i in range(b * block, wp.min((b + 1) * block, values.shape[0])):
+        found += wp.float64(values[i]) * wp.float64(values[i])
+    total[b] = found

@@ -14,11 +14,12 @@ from ..problem.domain import Domain
 from ..problem.of_bodies import of_all, one_by_one
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
-from ..problem.surface import PointsOnSurface, Surface
+from ..problem.surface import Surface
 from ..space.cell_sort import CellSort
 from ..space.meeting import meeting_of
 from ..space.space import Space
 from . import kernels_overlaps, kernels_sheets
+from .bodies_on_surface import BodiesOnSurface
 from .laid_out import bent_lines, laid_out
 from .sheets import sheets_of
 from .summaries import largest_by_kind, sum_of_whole
@@ -213,7 +214,7 @@ def overlaps_from(found: np.ndarray, depth: np.ndarray, pair: tuple[int, int], m
     return Overlaps(count, float(depth.max()), (one, other), tuple(middle.tolist()), tuple(named.tolist()))
 
 
-def find_overlaps_on_surface(placement: Placement, points: PointsOnSurface, launcher: Launcher) -> Overlaps:
+def find_overlaps_on_surface(placement: Placement, bodies: BodiesOnSurface, launcher: Launcher) -> Overlaps:
     """Return what overlaps in a placement on a surface, as :func:`overlaps_of` does.
 
     Two outlines are compared where they see each other along one sheet of the surface: in the plane between those that touch it at
@@ -221,15 +222,15 @@ def find_overlaps_on_surface(placement: Placement, points: PointsOnSurface, laun
 
     Args:
         placement: The placement.
-        points: Where its bodies are.
+        bodies: Its bodies, on the device.
         launcher: Where to run.
     """
     n, surface = len(placement.position), placement.problem.domain
     if n == 0:
         return Overlaps(0)
     assert isinstance(surface, Surface)
-    device, footprints = launcher.device, footprints_of_placement(placement)
-    sheets = _sheets(placement, points, launcher)
+    footprints = footprints_of_placement(placement)
+    sheets = _sheets(bodies, launcher)
     bends = placement.bends
     if bends is not None:
         bends = _laid_flat(bends, placement.position, sheets.normal.numpy(), sheets.along.numpy())
@@ -247,19 +248,18 @@ def find_overlaps_on_surface(placement: Placement, points: PointsOnSurface, laun
         launcher,
         spare_corners=n * most_corners,
     )
-    shapes.fixed = wp.array(placement.fixed.astype(np.int32), dtype=wp.int32, device=device)
+    stays = placement.fixed.astype(np.int32) if placement.fixed.any() else of_all(np.int32(0), n)
+    shapes.fixed = launcher.alike(stays, wp.int32)
     shapes.meeting = meeting_of(launcher, placement.class_index, placement.problem.balance.classes_apart)
-    reach = shapes.reach.numpy()
-    unit = float(reach.max())
+    unit = _largest_reach(shapes, launcher)
     # Only cells are in units.
-    in_units = launcher.empty(n, wp.vec3)
-    launcher.launch(kernels_sheets.take_units, n, [sheets.position, unit], [in_units])
-    grid = wp.HashGrid(HASHED_CELLS, HASHED_CELLS, HASHED_CELLS, device=device)
+    in_units = bodies.in_units(launcher, unit)
+    grid = wp.HashGrid(HASHED_CELLS, HASHED_CELLS, HASHED_CELLS, device=launcher.device)
     grid.build(in_units, 2.0)
     sheets.copies, sheets.most_corners = len(shapes.corner) - n * most_corners, most_corners
     found, deepest, partner = (launcher.empty(n, kind) for kind in (wp.int32, wp.float64, wp.int32))
 
-    def count_them() -> bool:
+    def count_them() -> int:
         launcher.launch(
             kernels_sheets.count_on_sheets,
             n,
@@ -267,14 +267,16 @@ def find_overlaps_on_surface(placement: Placement, points: PointsOnSurface, laun
             [found, deepest, partner],
             grain=GRAIN_OF_NEIGHBORS,
         )
-        return bool(found.numpy().any())
+        return sum_of_whole(launcher, found)
 
-    if count_them():
-        # Only now it matters what belongs together.
-        of_triangle = sheets_of(surface, n)
-        if of_triangle.max() > of_triangle.min():
-            sheets.sheet.assign(of_triangle[points.triangle].astype(np.int32))
-            count_them()
+    if not count_them():
+        return Overlaps(0)
+    # Only now it matters what belongs together.
+    of_triangle = sheets_of(surface, n)
+    if of_triangle.max() > of_triangle.min():
+        sheets.sheet.assign(of_triangle[bodies.points.triangle].astype(np.int32))
+        if not count_them():
+            return Overlaps(0)
     depth = deepest.numpy()
     one = int(np.argmax(depth))
     other = int(partner.numpy()[one])
@@ -282,20 +284,15 @@ def find_overlaps_on_surface(placement: Placement, points: PointsOnSurface, laun
     return overlaps_from(found.numpy(), depth, (one, other), between)
 
 
-def _sheets(placement: Placement, points: PointsOnSurface, launcher: Launcher) -> kernels_sheets.Sheets:
+def _sheets(bodies: BodiesOnSurface, launcher: Launcher) -> kernels_sheets.Sheets:
     """Bodies on a surface as kernels take them, all on one sheet of it."""
-    n, surface = len(placement.position), points.surface
-    assert placement.normal is not None and placement.tangent is not None
-
-    def vectors(values: np.ndarray) -> wp.array:
-        return launcher.array(np.ascontiguousarray(values, np.float64).reshape(-1, 3), wp.vec3d)
-
+    n, surface = len(bodies.position), bodies.points.surface
     sheets = kernels_sheets.Sheets()
-    sheets.position = vectors(placement.position - 0.5 * (surface.low + surface.high))
+    sheets.position = bodies.position
     sheets.normal, sheets.along = launcher.empty(n, wp.vec3d), launcher.empty(n, wp.vec3d)
-    given = [points.barycentric, surface.corner_normal, placement.normal, placement.tangent]
-    triangle = launcher.array(points.triangle.astype(np.int32), wp.int32)
-    launcher.launch(kernels_sheets.look_smoothly, n, [triangle, *map(vectors, given)], [sheets.normal, sheets.along])
+    corner_normal = launcher.array(surface.corner_normal.reshape(-1, 3), wp.vec3d)
+    inputs = [bodies.triangle, bodies.barycentric, corner_normal, bodies.normal, bodies.tangent]
+    launcher.launch(kernels_sheets.look_smoothly, n, inputs, [sheets.normal, sheets.along])
     sheets.sheet = launcher.zeros(n, wp.int32)
     return sheets
 
@@ -316,13 +313,19 @@ def _laid_flat(bends: np.ndarray, position: np.ndarray, normal: np.ndarray, alon
     return flat * (length / np.where(found > 0.0, found, 1.0))[:, :, None]
 
 
+def _largest_reach(shapes: kernels_overlaps.Shapes, launcher: Launcher) -> float:
+    """How far any outline reaches from its middle [m]."""
+    alike = launcher.alike(of_all(np.int32(0), len(shapes.reach)), wp.int32)
+    return float(largest_by_kind(launcher, shapes.reach, alike, 1)[0])
+
+
 def _lattice(
     shapes: kernels_overlaps.Shapes, domain: Domain, launcher: Launcher
 ) -> tuple[float, kernels_overlaps.Lattice]:
     """The largest reach, and the cells that bodies lie in, by levels of size."""
     n = len(shapes.reach)
     level = launcher.empty(n, wp.int32)
-    largest = float(largest_by_kind(launcher, shapes.reach, launcher.alike(of_all(np.int32(0), n), wp.int32), 1)[0])
+    largest = _largest_reach(shapes, launcher)
     launcher.launch(kernels_overlaps.find_levels, n, [shapes.reach, largest, MOST_LEVELS - 1], [level])
     # Behind the last level that has bodies there is none; between two there may be one without: it has a single cell.
     most = largest_by_kind(launcher, shapes.reach, level, MOST_LEVELS)

@@ -8,7 +8,7 @@ import warp as wp
 from ..device.launcher import Launcher
 from . import kernels_summaries
 
-__all__ = ["largest_by_kind", "least_and_number", "median_of_least", "sum_of_whole"]
+__all__ = ["largest_by_kind", "least_and_number", "median_of_least", "sum_of_squares", "sum_of_whole"]
 
 # Numbers that one element goes through: enough for a thread of the CPU; a GPU has many more elements at once.
 BLOCK_ON_CPU, BLOCK_ON_GPU = 4096, 128
@@ -46,6 +46,14 @@ def sum_of_whole(launcher: Launcher, values: wp.array) -> int:
     total = launcher.empty(blocks, wp.int64)
     launcher.launch(kernels_summaries.add_whole, blocks, [values, block], [total], grain=1)
     return int(total.numpy().sum())
+
+
+def sum_of_squares(launcher: Launcher, values: wp.array) -> float:
+    """Return the sum of the squares of some floats, in double precision."""
+    blocks, block = _blocks(launcher, len(values))
+    total = launcher.empty(blocks, wp.float64)
+    launcher.launch(kernels_summaries.add_squares, blocks, [values, block], [total], grain=1)
+    return float(total.numpy().sum())
 
 
 def _blocks(launcher: Launcher, count: int) -> tuple[int, int]:

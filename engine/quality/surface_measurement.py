@@ -10,11 +10,14 @@ import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.placement import Placement
-from ..problem.surface import PointsOnSurface, Surface
+from ..problem.problem import Problem
+from ..problem.surface import Surface
 from . import kernels_heat
+from .bodies_on_surface import BodiesOnSurface, bodies_on_surface
 from .heat import HeatMesh
 from .overlaps import Overlaps, find_overlaps_on_surface
 from .spacing import HEXAGONAL_SPACING
+from .summaries import least_and_number, median_of_least
 
 __all__ = ["measure_on_surface"]
 
@@ -50,34 +53,47 @@ def measure_on_surface(placement: Placement, launcher: Launcher) -> SurfaceFigur
     """Measure a placement on a surface."""
     problem, surface = placement.problem, placement.problem.domain
     assert isinstance(surface, Surface)
-    points = _points(placement, surface)
-    area, class_index = placement.area, placement.class_index
-    mesh = HeatMesh(launcher, surface, len(area))
-    targets = [mesh.target(c.density_on if c.varies_on_surface else None) for c in problem.classes]
-    charges, errors = [], []
-    last = np.searchsorted(class_index, np.arange(len(problem.classes)), side="right")
-    for k, body_class in enumerate(problem.classes):
-        # Bodies come one class after the other.
-        own = slice(int(last[k - 1]) if k else 0, int(last[k]))
-        placed = mesh.charges(points.triangle[own], points.barycentric[own], area[own])
-        charges.append(placed)
-        errors.append(mesh.error(placed, targets[k], body_class.body_count))
-    whole = errors[0]
-    if len(errors) > 1:
-        amount = [sum((s.count or 0) * s.mean_area for s in c.sizes) for c in problem.classes]
-        target = np.average(targets, axis=0, weights=amount)
-        whole = mesh.error(np.sum(charges, axis=0), target, len(area))
-    sample = surface.sample()
-    allowed = np.mean(np.any([c.density_on(sample) > 0.0 for c in problem.classes], axis=0))
-    covered = float(area.sum() / (surface.area * max(float(allowed), 1e-9)))
-    smallest, closest, usual = _spacing(placement, points, launcher) or (None, None, None)
-    overlaps = find_overlaps_on_surface(placement, points, launcher)
+    bodies, area = bodies_on_surface(placement, launcher), placement.area
+    errors, whole = _coverage_errors(placement, bodies, launcher)
+    covered = float(area.sum() / (surface.area * max(_allowed(problem, surface), 1e-9)))
+    smallest, closest, usual = _spacing(placement, bodies, launcher) or (None, None, None)
+    overlaps = find_overlaps_on_surface(placement, bodies, launcher)
     return SurfaceFigures(errors, whole, smallest, closest, usual, overlaps, covered)
 
 
-def _spacing(placement: Placement, points: PointsOnSurface, launcher: Launcher) -> tuple[float, float, float] | None:
+def _coverage_errors(placement: Placement, bodies: BodiesOnSurface, launcher: Launcher) -> tuple[list[float], float]:
+    """Coverage errors of all classes, and of all bodies together."""
+    problem, area, class_index = placement.problem, placement.area, placement.class_index
+    assert isinstance(problem.domain, Surface)
+    mesh = HeatMesh(launcher, problem.domain, len(area))
+    last = np.searchsorted(class_index, np.arange(len(problem.classes)), side="right")
+    targets, charges, totals, errors = [], [], [], []
+    for k, body_class in enumerate(problem.classes):
+        # Bodies come one class after the other.
+        own = slice(int(last[k - 1]) if k else 0, int(last[k]))
+        targets.append(mesh.target(body_class.density_on if body_class.varies_on_surface else None))
+        charges.append(mesh.charges(bodies.triangle[own], bodies.barycentric[own], area[own]))
+        totals.append(float(area[own].sum()))
+        errors.append(mesh.error(charges[k], totals[k], targets[k], body_class.body_count))
+    if len(errors) == 1:
+        return errors, errors[0]
+    amount = np.array([sum((s.count or 0) * s.mean_area for s in c.sizes) for c in problem.classes])
+    target, charge = mesh.mixed(targets, (amount / amount.sum()).tolist()), mesh.mixed(charges, [1.0] * len(charges))
+    return errors, mesh.error(charge, sum(totals), target, len(area))
+
+
+def _allowed(problem: Problem, surface: Surface) -> float:
+    """Share of the surface's area where any class may be."""
+    if not all(c.varies_on_surface for c in problem.classes):
+        return 1.0
+    sample = surface.sample()
+    return float(np.mean(np.any([c.density_on(sample) > 0.0 for c in problem.classes], axis=0)))
+
+
+def _spacing(placement: Placement, bodies: BodiesOnSurface, launcher: Launcher) -> tuple[float, float, float] | None:
     """Distances to the nearest body of the same sheet: smallest over the hexagonal spacing asked for there, smallest, median [m]."""
-    problem, surface, n = placement.problem, points.surface, len(placement.position)
+    problem, points, n = placement.problem, bodies.points, len(placement.position)
+    surface = points.surface
     if n < 2:
         return None
     # A number for each, or one for all.
@@ -86,39 +102,25 @@ def _spacing(placement: Placement, points: PointsOnSurface, launcher: Launcher) 
         asked = c.density_on(points) / c.density_on(surface.sample()).mean() if c.varies_on_surface else 1.0
         number = number + c.body_count / surface.area * asked
     unit = 1.0 / math.sqrt(float(np.median(number)))
-    position, normal = _on_device(placement, surface, unit, launcher)
-    reach = NEIGHBORS
+    position = bodies.in_units(launcher, unit)
     grid = wp.HashGrid(CELLS, CELLS, CELLS, device=launcher.device)
-    grid.build(position, reach)
+    grid.build(position, NEIGHBORS)
     distance = launcher.empty(n, float)
     launcher.launch(
         kernels_heat.nearest_distance,
         n,
-        [grid.id, position, normal, reach],
+        [grid.id, position, bodies.normal, NEIGHBORS],
         [distance],
         grain=GRAIN_OF_NEIGHBORS,
     )
-    near = distance.numpy()
-    found = near < reach
-    if not found.any():
+    least, found = least_and_number(launcher, distance, NEIGHBORS)
+    if not found:
         return None
-    closest = float(near.min()) * unit
+    usual = median_of_least(launcher, distance, found) * unit
     if isinstance(number, np.ndarray):
-        smallest = float((near[found] * unit * np.sqrt(number[found])).min())
+        near = distance.numpy()
+        there = near < NEIGHBORS
+        smallest = float((near[there] * unit * np.sqrt(number[there])).min())
     else:
-        smallest = closest * math.sqrt(number)
-    return smallest / HEXAGONAL_SPACING, closest, float(np.median(near[found])) * unit
-
-
-def _points(placement: Placement, surface: Surface) -> PointsOnSurface:
-    assert placement.mesh is not None and placement.triangle is not None and placement.barycentric is not None
-    return surface.locate(placement.mesh, placement.triangle, placement.barycentric)
-
-
-def _on_device(placement: Placement, surface: Surface, unit: float, launcher: Launcher) -> tuple[wp.array, wp.array]:
-    """Positions in a unit, from the surface's middle, and normals."""
-    position = ((placement.position - 0.5 * (surface.low + surface.high)) / unit).astype(np.float32)
-    assert placement.normal is not None
-    normal = placement.normal.astype(np.float32)
-    device = launcher.device
-    return wp.array(position, dtype=wp.vec3, device=device), wp.array(normal, dtype=wp.vec3, device=device)
+        smallest = least * unit * math.sqrt(number)
+    return smallest / HEXAGONAL_SPACING, least * unit, usual

@@ -233,6 +233,8 @@ class Model:
 
 def _typical_spacing(problem: Problem, surface: Surface) -> float:
     """Spacing [m] of charges at the number density that the average body sees on a surface."""
+    if not any(body_class.varies_on_surface for body_class in problem.classes):
+        return math.sqrt(surface.area / problem.charge_count)
     points = surface.sample()
     number = np.zeros(len(points.triangle))
     for body_class in problem.classes:

@@ -318,7 +318,7 @@ class Solver:
     def _edit_on_surface(self, problem: Problem, descent: SurfaceDescent) -> Model:
         before, old = self.model, descent.state
         model = Model(problem)
-        points = points_of(descent.facets, old)
+        points = points_of(self.launcher, descent.facets, old)
         self._spreads += 1
         rng = np.random.default_rng([problem.seed, 4, self._spreads])
 

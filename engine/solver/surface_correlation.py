@@ -30,6 +30,9 @@ def correlation_potential(model: Model, share: np.ndarray, area: np.ndarray) -> 
         area: Area that every node stands for, shape ``[node_count]``.
     """
     groups = model.groups
+    # What is fixed makes a density uneven, too.
+    if not model.has_fixed and not any(c.varies_on_surface for c in model.problem.classes):
+        return None
     own = np.log(_relative(share, area))
     amount = np.bincount(groups.class_index, model.group_charge, len(share))
     together = np.log(_relative(amount[None] @ share, area))[0]

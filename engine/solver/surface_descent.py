@@ -83,13 +83,12 @@ class SurfaceDescent:
 
     def __init__(self, model: Model, launcher: Launcher, start: Start | None = None) -> None:
         self.model, self.launcher = model, launcher
-        device = launcher.device
         surface = model.problem.domain
         assert isinstance(surface, Surface)
-        self.facets = Facets(surface, model.unit, *joined_parts(launcher, surface, model.unit))
+        self.facets = Facets(launcher, surface, model.unit, *joined_parts(launcher, surface, model.unit))
         share = self._cut_by_detail()
         self.bodies = bodies_for_kernels(model, launcher)
-        on_device = self.facets.for_kernels(device)
+        on_device = self.facets.for_kernels()
         # Contact and lines go by what the surface is from near.
         if not keeps_apart(model) and not model.kinds and is_rough(self.facets):
             on_device = seen_from_afar(launcher, self.facets, on_device, 1.0)
@@ -176,16 +175,16 @@ class SurfaceDescent:
 
     def positions(self) -> np.ndarray:
         """Where the bodies are [m], shape ``[body_count, 3]``."""
-        return points_of(self.facets, self.state).position
+        return points_of(self.launcher, self.facets, self.state).position
 
     def facing(self) -> tuple[wp.array, np.ndarray]:
         """How outlines are turned [rad], and how they would look at the points of their classes, both of shape ``[body_count]``."""
-        return self.state.heading, facing_headings(self.model, points_of(self.facets, self.state))
+        return self.state.heading, facing_headings(self.model, points_of(self.launcher, self.facets, self.state))
 
     def placement(self) -> Placement:
         """The bodies as they are; the report is empty."""
         charges = self.charge_positions() if self.model.may_bend.any() else None
-        return placement_on_surface(self.model, self.facets, self.state, charges)
+        return placement_on_surface(self.model, self.launcher, self.facets, self.state, charges)
 
     def charge_positions(self) -> np.ndarray:
         """Where all charges are [m], shape ``[charge_count, 3]``."""

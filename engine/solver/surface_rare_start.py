@@ -48,7 +48,7 @@ def rare_start_on_surface(launcher: Launcher, problem: Problem) -> Start | None:
         bodies = np.flatnonzero(own)
         descent = SurfaceDescent(Model(rare), launcher, partial(put, bodies))
         descent.step.play(STEPS)
-        points = points_of(descent.facets, descent.state)
+        points = points_of(launcher, descent.facets, descent.state)
         triangle[bodies], barycentric[bodies] = points.triangle, points.barycentric
         launcher.release(descent.step)
     if (triangle < 0).all():

@@ -5,12 +5,15 @@ Every facet is cut for itself, so that no mesh is ever too bad for it. A tile is
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import warp as wp
 
+from ..device.launcher import Launcher
 from ..problem.surface import Surface
-from . import kernels_facets
-from .triangle_mesh import triangle_areas
+from . import kernels_cut, kernels_facets
+from .cut import empty_pieces, places_of, small_pieces, triangles_of
 
 __all__ = ["Facets"]
 
@@ -29,14 +32,13 @@ MOST_SLENDER = 4.0
 SAME_PLACE = 1e-3
 # Make one number of three.
 PLACE_FACTORS = np.array([1, 1_000_003, 998_244_353_001])
-# Bits of the Hilbert curve along which facets are in order, per axis.
-CURVE_BITS = 16
 
 
 class Facets:
     """Facets of a surface, lengths in units, relative to the surface's middle.
 
     Args:
+        launcher: Where they are cut.
         surface: The surface.
         unit: Meters per unit.
         label: Number for every triangle of the surface; those of one number come one after the other.
@@ -45,45 +47,69 @@ class Facets:
     Attributes:
         middle: Of the surface [m], shape ``[3]``.
         unit: Meters per unit.
-        corner: Corners of every facet, shape ``[f, 3, 3]``, float64.
         triangle: Triangle of the surface that each is part of, shape ``[f]``.
-        weight: Where its corners lie in that triangle, shape ``[f, 3, 3]``: weights of the triangle's corners for each.
-        normal: Shape ``[f, 3]``.
-        corner_normal: Where the smooth surface that the mesh stands for looks to at every corner, shape ``[f, 3, 3]``.
         area: Shape ``[f]``.
         label: Shape ``[f]``.
-        open_side: Whether the surface ends at the side opposite of each corner, shape ``[f, 3]``.
-        edge_side: Whether a crease or the surface's end lies at that side, shape ``[f, 3]``.
         cuts: Tiles along every side of a facet, which has ``cuts²`` tiles, shape ``[f]``.
         first_tile: Number of the first tile of every facet, and at the end of all, shape ``[f + 1]``.
         first_corner: The same for the corners of tiles.
+        on_device: Their corners, weights and triangles, for kernels.
     """
 
-    def __init__(self, surface: Surface, unit: float, label: np.ndarray, open_side: np.ndarray) -> None:
-        self.surface, self.unit = surface, unit
+    def __init__(
+        self, launcher: Launcher, surface: Surface, unit: float, label: np.ndarray, open_side: np.ndarray
+    ) -> None:
+        self.launcher, self.surface, self.unit = launcher, surface, unit
         self.middle = 0.5 * (surface.low + surface.high)
-        corner = (surface.position[surface.triangle] - self.middle) / unit
-        triangle = np.arange(len(corner))
-        weight = np.broadcast_to(np.eye(3), (len(corner), 3, 3)).copy()
-        corner, triangle, weight = _cut_long(corner, triangle, weight)
-        normal = surface.normal[triangle]
-        order = _order(corner.mean(axis=1), normal, label[triangle])
-        self.corner, self.triangle, self.weight = corner[order], triangle[order], weight[order]
-        self.normal, self.label = normal[order], label[self.triangle]
-        smooth = np.einsum("fkc,fcd->fkd", self.weight, surface.corner_normal[self.triangle])
-        self.corner_normal = smooth / np.linalg.norm(smooth, axis=2, keepdims=True)
-        self.open_side = self._sides_on(open_side)
-        self.edge_side = self._sides_on(surface.edge_side)
-        self.area = triangle_areas(self.corner)
-        longest = np.linalg.norm(self.corner - np.roll(self.corner, 1, axis=1), axis=2).max(axis=1)
+        pieces = small_pieces(launcher, surface, self.middle, unit, facet=FACET, tile=TILE, slender=MOST_SLENDER)
+        triangles = triangles_of(launcher, surface, open_side)
+        order = _order(places_of(launcher, pieces, triangles), label[pieces.triangle.numpy()])
+        count = len(order)
+        self.on_device, self._described = empty_pieces(launcher, count), _empty_description(launcher, count)
+        inputs = [launcher.array(order.astype(np.int32), wp.int32), pieces, triangles]
+        launcher.launch(kernels_cut.describe, count, inputs, [self.on_device, self._described])
+        self.triangle = self.on_device.triangle.numpy()
+        self.label, self.area = label[self.triangle], self._described.area.numpy()
         tile = np.where(self._at_end(), TILE_AT_END, TILE)
+        longest = self._described.longest.numpy()
         self.cuts = np.maximum(np.ceil(longest / tile - 1e-6), 1.0).astype(np.int64)
-        self._count()
+        self.first_tile, self.first_corner = self._counted()
+        self._tile_area: np.ndarray | None = None
+
+    @cached_property
+    def corner(self) -> np.ndarray:
+        """Corners of every facet, shape ``[f, 3, 3]``, float64."""
+        return self.on_device.corner.numpy().reshape(-1, 3, 3)
+
+    @cached_property
+    def weight(self) -> np.ndarray:
+        """Where they lie in its triangle, shape ``[f, 3, 3]``: weights of the triangle's corners for each."""
+        return self.on_device.weight.numpy().reshape(-1, 3, 3)
+
+    @cached_property
+    def normal(self) -> np.ndarray:
+        """Shape ``[f, 3]``."""
+        return self._described.normal.numpy()
+
+    @cached_property
+    def corner_normal(self) -> np.ndarray:
+        """Where the smooth surface that the mesh stands for looks to at every corner, shape ``[f, 3, 3]``."""
+        return self._described.corner_normal.numpy().reshape(-1, 3, 3)
+
+    @cached_property
+    def open_side(self) -> np.ndarray:
+        """Whether the surface ends at the side opposite of each corner, shape ``[f, 3]``."""
+        return _sides_of_bits(self._described.open_sides.numpy())
+
+    @cached_property
+    def edge_side(self) -> np.ndarray:
+        """Whether a crease or the surface's end lies at that side, shape ``[f, 3]``."""
+        return _sides_of_bits(self._described.edge_sides.numpy())
 
     @property
     def count(self) -> int:
         """Number of facets."""
-        return len(self.corner)
+        return len(self.triangle)
 
     @property
     def tile_count(self) -> int:
@@ -96,14 +122,27 @@ class Facets:
         return int(self.first_corner[-1])
 
     @property
+    def size(self) -> np.ndarray:
+        """Extent along x, y and z, in units, shape ``[3]``."""
+        return (self.surface.high - self.surface.low) / self.unit
+
+    @property
+    def extent(self) -> float:
+        """The largest of them."""
+        return float(self.size.max())
+
+    @property
     def tile_area(self) -> np.ndarray:
         """Area of every tile, shape ``[tile_count]``."""
-        return np.repeat(self.area / self.cuts**2, self.cuts**2)
+        if self._tile_area is None:
+            self._tile_area = np.repeat(self.area / self.cuts**2, self.cuts**2)
+        return self._tile_area
 
     def cut_finer(self, facet: np.ndarray, factor: int) -> None:
         """Cut some facets into ``factor²`` times as many tiles."""
         self.cuts[facet] *= factor
-        self._count()
+        self.first_tile, self.first_corner = self._counted()
+        self._tile_area = None
 
     def near(self, chosen: np.ndarray, distance: float) -> np.ndarray:
         """Which facets have chosen ones within a distance, and some that are up to three times as far; masks of shape ``[f]``."""
@@ -136,50 +175,50 @@ class Facets:
         """Triangles of the surface, and weights of their corners, of points given by facets and weights of theirs."""
         return self.triangle[facet], np.einsum("nk,nkd->nd", weight, self.weight[facet])
 
-    def for_kernels(self, device: wp.Device) -> kernels_facets.Facets:
+    def for_kernels(self) -> kernels_facets.Facets:
         """The facets as kernels take them; :attr:`mesh` must live as long as they are used."""
-        flat = self.corner.reshape(-1, 3).astype(np.float32)
-        self.mesh = wp.Mesh(
-            wp.array(flat, dtype=wp.vec3, device=device),
-            wp.array(np.arange(len(flat), dtype=np.int32), dtype=wp.int32, device=device),
-        )
+        launcher, described = self.launcher, self._described
+
+        def single(values: wp.array) -> wp.array:
+            result = launcher.empty(len(values), wp.vec3)
+            launcher.launch(kernels_cut.to_single, len(values), [values], [result])
+            return result
+
+        corner = np.arange(3 * self.count, dtype=np.int32)
+        self.mesh = wp.Mesh(single(self.on_device.corner), launcher.array(corner, wp.int32))
         facets = kernels_facets.Facets()
         facets.mesh = self.mesh.id
         facets.corner = self.mesh.points
-        facets.normal = wp.array(self.normal.astype(np.float32), dtype=wp.vec3, device=device)
-        smooth = self.corner_normal.reshape(-1, 3).astype(np.float32)
-        facets.corner_normal = wp.array(smooth, dtype=wp.vec3, device=device)
-        facets.label = wp.array(self.label.astype(np.int32), dtype=wp.int32, device=device)
-        sides = (self.open_side * np.array([1, 2, 4])).sum(axis=1)
-        facets.open_sides = wp.array(sides.astype(np.int32), dtype=wp.int32, device=device)
-        facets.cuts = wp.array(self.cuts.astype(np.int32), dtype=wp.int32, device=device)
-        facets.first_tile = wp.array(self.first_tile.astype(np.int32), dtype=wp.int32, device=device)
-        facets.first_corner = wp.array(self.first_corner.astype(np.int32), dtype=wp.int32, device=device)
+        facets.normal, facets.corner_normal = single(described.normal), single(described.corner_normal)
+        facets.open_sides = described.open_sides
+        facets.label, facets.cuts, facets.first_tile, facets.first_corner = (
+            launcher.array(values.astype(np.int32), wp.int32)
+            for values in (self.label, self.cuts, self.first_tile, self.first_corner)
+        )
         return facets
 
-    def _sides_on(self, of_triangle: np.ndarray) -> np.ndarray:
-        """Sides that lie on one of some sides of their triangle: both their ends have no weight of the corner opposite of it."""
-        absent = self.weight == 0.0
-        result = np.zeros((self.count, 3), bool)
-        for k in range(3):
-            on_side = absent[:, (k + 1) % 3] & absent[:, (k + 2) % 3]
-            result[:, k] = (on_side & of_triangle[self.triangle]).any(axis=1)
-        return result
+    def turns(self, most: float) -> np.ndarray:
+        """How much the smooth surface turns along every facet [rad per unit], shape ``[f]``; none counts as more than ``most``."""
+        turn = self.launcher.empty(self.count, wp.float64)
+        inputs = [self.on_device.corner, self._described.corner_normal, most]
+        self.launcher.launch(kernels_cut.find_turns, self.count, inputs, [turn])
+        return turn.numpy()
 
     def _at_end(self) -> np.ndarray:
         """Facets that the surface's end touches, by a side or a corner, shape ``[f]``."""
-        facet, side = np.nonzero(self.open_side)
-        if not len(facet):
+        if not self._described.open_sides.numpy().any():
             return np.zeros(self.count, bool)
+        facet, side = np.nonzero(self.open_side)
         cell = np.round(self.corner / SAME_PLACE).astype(np.int64)
         # Numbers that go round at 64 bits cut a facet for nothing, no more.
         place = (cell * PLACE_FACTORS).sum(axis=2)
         ends = np.concatenate([place[facet, (side + 1) % 3], place[facet, (side + 2) % 3]])
         return np.isin(place, np.unique(ends)).any(axis=1)
 
-    def _count(self) -> None:
-        self.first_tile = np.concatenate([[0], np.cumsum(self.cuts**2)])
-        self.first_corner = np.concatenate([[0], np.cumsum((self.cuts + 1) * (self.cuts + 2) // 2)])
+    def _counted(self) -> tuple[np.ndarray, np.ndarray]:
+        """The first tile of every facet, and its first corner of tiles."""
+        tiles, corners = self.cuts**2, (self.cuts + 1) * (self.cuts + 2) // 2
+        return np.concatenate([[0], np.cumsum(tiles)]), np.concatenate([[0], np.cumsum(corners)])
 
 
 def _tile_pattern(cuts: int, inner: int) -> np.ndarray:
@@ -207,69 +246,27 @@ def _pattern(cuts: int) -> np.ndarray:
     return np.array(places) / cuts
 
 
-def _cut_long(
-    corner: np.ndarray, triangle: np.ndarray, weight: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cut triangles in two across their longest side until none is long, or slender and longer than a tile."""
-    done: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-    while len(corner):
-        length = np.linalg.norm(np.roll(corner, 1, axis=1) - np.roll(corner, -1, axis=1), axis=2)
-        longest = length.max(axis=1)
-        height = 2.0 * triangle_areas(corner) / np.maximum(longest, 1e-30)
-        long = (longest > FACET) | ((longest > TILE) & (longest > MOST_SLENDER * height))
-        done.append((corner[~long], triangle[~long], weight[~long]))
-        corner, triangle, weight, length = corner[long], triangle[long], weight[long], length[long]
-        if not len(corner):
-            break
-        # The corner that the longest side lies opposite of comes first.
-        turn = (np.argmax(length, axis=1)[:, None] + np.arange(3)) % 3
-        corner = np.take_along_axis(corner, turn[:, :, None], axis=1)
-        weight = np.take_along_axis(weight, turn[:, :, None], axis=1)
-        corner, weight = (
-            np.concatenate([np.stack([a, b, 0.5 * (b + c)], axis=1), np.stack([a, 0.5 * (b + c), c], axis=1)])
-            for a, b, c in (np.moveaxis(corner, 1, 0), np.moveaxis(weight, 1, 0))
-        )
-        triangle = np.concatenate([triangle, triangle])
-    parts = tuple(np.concatenate(values) for values in zip(*done, strict=True))
-    return parts[0], parts[1], parts[2]
+def _empty_description(launcher: Launcher, count: int) -> kernels_cut.Described:
+    """What is still to be said of so many facets."""
+    described = kernels_cut.Described()
+    described.normal, described.corner_normal = launcher.empty(count, wp.vec3d), launcher.empty(3 * count, wp.vec3d)
+    described.open_sides, described.edge_sides = (launcher.empty(count, wp.int32) for _ in range(2))
+    described.area, described.longest = (launcher.empty(count, wp.float64) for _ in range(2))
+    return described
 
 
-def _order(place: np.ndarray, normal: np.ndarray, label: np.ndarray) -> np.ndarray:
-    """Order of facets: label after label, and in each along a Hilbert curve for every one of six directions that they look to."""
-    low = place.min(axis=0)
-    extent = float((place.max(axis=0) - low).max()) or 1.0
-    cell = np.minimum((place - low) / extent * (1 << CURVE_BITS), (1 << CURVE_BITS) - 1).astype(np.int64)
-    axis = np.argmax(np.abs(normal), axis=1)
-    sheet = 2 * axis + (normal[np.arange(len(normal)), axis] > 0.0)
+def _sides_of_bits(bits: np.ndarray) -> np.ndarray:
+    """Masks of sides, shape ``[f, 3]``, from bits of numbers, shape ``[f]``."""
+    return (bits[:, None] >> np.arange(3) & 1).astype(bool)
+
+
+def _order(place: np.ndarray, label: np.ndarray) -> np.ndarray:
+    """Order of facets: label after label, and in each by their places along curves (:func:`.places_of`)."""
+    labels = int(label.max()) + 1
+    if labels == 1:
+        return np.argsort(place, kind="stable")
     # Labels come in the order of where they are, so that few bodies on many parts are even, too.
-    curve = _hilbert(cell)
-    first = np.full(int(label.max()) + 1, np.iinfo(np.int64).max)
-    np.minimum.at(first, label, curve)
+    first = np.full(labels, np.iinfo(np.int64).max)
+    np.minimum.at(first, label, place & ((1 << 3 * kernels_cut.CURVE_BITS) - 1))
     rank = np.argsort(np.argsort(first, kind="stable"), kind="stable")
-    return np.lexsort((curve, sheet, rank[label]))
-
-
-def _hilbert(cell: np.ndarray) -> np.ndarray:
-    """Place along a Hilbert curve of cells, shape ``[n, 3]`` (J. Skilling, Programming the Hilbert curve, 2004)."""
-    axes = [cell[:, k].copy() for k in range(3)]
-    bit = 1 << (CURVE_BITS - 1)
-    while bit > 1:
-        mask = bit - 1
-        for k in range(3):
-            on = (axes[k] & bit) > 0
-            swap = np.where(on, 0, (axes[0] ^ axes[k]) & mask)
-            axes[0] ^= np.where(on, mask, swap)
-            axes[k] ^= swap
-        bit >>= 1
-    axes[1] ^= axes[0]
-    axes[2] ^= axes[1]
-    flip = np.zeros_like(axes[0])
-    bit = 1 << (CURVE_BITS - 1)
-    while bit > 1:
-        flip ^= np.where((axes[2] & bit) > 0, bit - 1, 0)
-        bit >>= 1
-    key = np.zeros_like(axes[0])
-    for shift in reversed(range(CURVE_BITS)):
-        for k in range(3):
-            key = (key << 1) | (((axes[k] ^ flip) >> shift) & 1)
-    return key
+    return np.lexsort((place, rank[label]))

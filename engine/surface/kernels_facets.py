@@ -256,7 +256,7 @@ def locate_tiles(
 def locate_parts(
     first: int,
     tile: wp.array(dtype=wp.int32),
-    part: wp.array(dtype=wp.int32),
+    part: int,
     facet_count: int,
     facets: Facets,
     # outputs
@@ -264,16 +264,16 @@ def locate_parts(
     normal: wp.array(dtype=wp.vec3),
     label: wp.array(dtype=wp.int32),
 ):
-    """Middles of parts of tiles: of the four even triangles that each would be cut into. That of the first is its tile's."""
+    """Middles of a part of tiles: of one of the four even triangles that each would be cut into. That of the first is its tile's."""
     i = first + wp.tid()
     own = tile[i]
     facet = facet_of_tile(own, facet_count, facets.first_tile)
     within = wp.vec2(1.0 / 3.0, 1.0 / 3.0)
-    if part[i] == 1:
+    if part == 1:
         within = wp.vec2(1.0 / 6.0, 1.0 / 6.0)
-    elif part[i] == 2:
+    elif part == 2:
         within = wp.vec2(2.0 / 3.0, 1.0 / 6.0)
-    elif part[i] == 3:
+    elif part == 3:
         within = wp.vec2(1.0 / 6.0, 2.0 / 3.0)
     weight = weights_in_tile(own - facets.first_tile[facet], facets.cuts[facet], within)
     spot = spot_at(facet, weight, facets)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
-from esh.engine.cascade.points import chosen, empty_points, lists_of, nearest_of, thinned
+from esh.engine.cascade.points import alike, chosen, empty_points, lists_of, nearest_of, thinned
 from esh.engine.cascade.seen_from_afar import seen_from_afar
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
@@ -59,19 +59,33 @@ def test_lists_hold_every_neighbor_of_the_same_part_and_side_once(launcher):
 
 def test_thinned_points_keep_a_distance_and_leave_no_room(launcher):
     points = points_on_sphere(launcher, 5000)
-    kept = thinned(launcher, points, 0.8)
+    numbers = thinned(launcher, points, 0.8)
+    kept = numbers.numpy()
     position, label = points.position.numpy(), points.label.numpy()
     for side in (0, 1):
         own, all_of_it = kept[label[kept] == side], np.flatnonzero(label == side)
         distance = cKDTree(position[own]).query(position[own], k=2)[0][:, 1]
         assert distance.min() >= 0.8 - 1e-5
         assert cKDTree(position[own]).query(position[all_of_it])[0].max() < 0.8 + 1e-5
-    nodes = chosen(launcher, points, kept)
+    nodes = chosen(launcher, points, numbers)
     home = nearest_of(launcher, points, nodes, 1.6, 0.0).numpy()
     found = np.linalg.norm(position - position[kept][home], axis=1)
     for side in (0, 1):
         own, all_of_it = kept[label[kept] == side], np.flatnonzero(label == side)
         np.testing.assert_allclose(found[all_of_it], cKDTree(position[own]).query(position[all_of_it])[0], atol=1e-5)
+
+
+def test_points_that_are_alike_are_known_by_the_first_of_them(launcher):
+    rng = np.random.default_rng(3)
+    place, normal, label = (rng.integers(0, 3, (9000, width)) for width in (3, 3, 1))
+    points = empty_points(launcher, 9000)
+    points.position.assign((0.5 * place - 7.0 + rng.uniform(0.01, 0.49, place.shape)).astype(np.float32))
+    points.normal.assign((0.25 * (normal - 1) + rng.uniform(-0.1, 0.1, normal.shape)).astype(np.float32))
+    points.label.assign(label.ravel().astype(np.int32))
+    first, which = (found.numpy() for found in alike(launcher, points, np.full(3, -7.0), 0.5, 4.0))
+    index, inverse = np.unique(np.hstack([place, normal, label]), axis=0, return_index=True, return_inverse=True)[1:]
+    np.testing.assert_array_equal(first, np.sort(index))
+    np.testing.assert_array_equal(first[which], index[inverse.ravel()])
 
 
 def forces(launcher, problem):
@@ -228,8 +242,8 @@ def corner_normals_from_afar(launcher, vertices, faces, length, label=None):
     surface = Surface(SurfaceMesh(vertices, faces))
     count = len(surface.triangle)
     label = np.zeros(count, int) if label is None else label
-    facets = Facets(surface, 1.0, label, np.zeros((count, 3), bool))
-    seen = seen_from_afar(launcher, facets, facets.for_kernels(launcher.device), length)
+    facets = Facets(launcher, surface, 1.0, label, np.zeros((count, 3), bool))
+    seen = seen_from_afar(launcher, facets, facets.for_kernels(), length)
     return facets, seen.corner_normal.numpy().reshape(-1, 3, 3)
 
 

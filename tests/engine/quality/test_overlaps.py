@@ -19,6 +19,7 @@ from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
+from esh.engine.quality.bodies_on_surface import bodies_on_surface
 from esh.engine.quality.overlaps import TOLERANCE, find_overlaps, find_overlaps_on_surface, overlaps_of
 from esh.engine.solve import solve
 from esh.engine.solver.solver import Solver
@@ -242,8 +243,8 @@ def test_lines_that_bend_on_a_flat_surface_count_as_in_the_plane(launcher):
         triangle=np.where(below, 0, 1).astype(np.int32),
         barycentric=weights,
     )
-    points = placement.problem.domain.locate(placement.mesh, placement.triangle, placement.barycentric)
-    found, expected = find_overlaps_on_surface(placement, points, launcher), overlapping_ribbons(flat)
+    bodies = bodies_on_surface(placement, launcher)
+    found, expected = find_overlaps_on_surface(placement, bodies, launcher), overlapping_ribbons(flat)
     assert found.count == len(expected) > 100
     assert set(found.bodies) == {body for pair in expected for body in pair}
     assert found.deepest == pytest.approx(overlaps_of(flat, launcher).deepest, rel=1e-6)

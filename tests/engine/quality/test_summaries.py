@@ -9,7 +9,13 @@ import pytest
 import warp as wp
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
-from esh.engine.quality.summaries import largest_by_kind, least_and_number, median_of_least, sum_of_whole
+from esh.engine.quality.summaries import (
+    largest_by_kind,
+    least_and_number,
+    median_of_least,
+    sum_of_squares,
+    sum_of_whole,
+)
 
 
 @pytest.fixture(scope="module", params=["cpu", pytest.param("cuda:0", marks=pytest.mark.cuda)])
@@ -46,6 +52,12 @@ def test_least_and_how_many_are_below_a_limit(launcher):
     least, number = least_and_number(launcher, floats(launcher, values), 0.9)
     assert least == float(values.min()) and number == int((values < np.float32(0.9)).sum())
     assert least_and_number(launcher, floats(launcher, values), 0.1)[1] == 0
+
+
+def test_sum_of_squares(launcher):
+    values = np.random.default_rng(4).normal(0.0, 3.0, 9_999).astype(np.float32)
+    expected = float((values.astype(np.float64) ** 2).sum())
+    assert sum_of_squares(launcher, floats(launcher, values)) == pytest.approx(expected, rel=1e-13)
 
 
 def test_largest_by_kind(launcher):

@@ -226,9 +226,7 @@ def test_rare_classes_have_forces_of_their_own(counts, rare):
     classes = [BodyClass(str(k), [Size("s", 1e-5, count)]) for k, count in enumerate(counts)]
     with Solver(Problem(Surface(SurfaceMesh(*meshes.square(8))), classes), device="cpu") as solver:
         facets = solver.descent.facets
-        own, left = own_forces(
-            solver.model, solver.launcher, facets, facets.for_kernels(solver.launcher.device), solver.descent.share
-        )
+        own, left = own_forces(solver.model, solver.launcher, facets, facets.for_kernels(), solver.descent.share)
         assert len(own) == len(rare)
         for g in range(2):
             assert (left[g, g] < solver.model.interaction[g, g]) == (g in rare)

@@ -19,9 +19,9 @@ def launcher():
     result.close()
 
 
-def cut(vertices, triangles, unit=1.0):
+def cut(launcher, vertices, triangles, unit=1.0):
     surface = Surface(SurfaceMesh(vertices, triangles))
-    return Facets(surface, unit, surface.part, surface.open_side)
+    return Facets(launcher, surface, unit, surface.part, surface.open_side)
 
 
 def slivers():
@@ -37,8 +37,8 @@ def plate(x, y, cells=4):
     return np.stack([a.ravel(), b.ravel(), 0 * a.ravel()], axis=1), faces
 
 
-def test_facets_cover_the_surface_and_none_is_long_or_slender():
-    facets = cut(*slivers())
+def test_facets_cover_the_surface_and_none_is_long_or_slender(launcher):
+    facets = cut(launcher, *slivers())
     assert facets.area.sum() == pytest.approx(facets.surface.area, rel=1e-9)
     side = np.linalg.norm(facets.corner - np.roll(facets.corner, 1, axis=1), axis=2).max(axis=1)
     assert side.max() <= FACET + 1e-9
@@ -50,18 +50,18 @@ def test_facets_cover_the_surface_and_none_is_long_or_slender():
     np.testing.assert_allclose(np.einsum("fck,fkd->fcd", facets.weight, place), facets.corner, atol=1e-9)
 
 
-def test_tiles_are_finer_where_the_surface_ends():
+def test_tiles_are_finer_where_the_surface_ends(launcher):
     # Cells of 1.2 units: their sides and diagonals are those of tiles elsewhere.
     vertices, triangles = plate((0.0, 9.6), (0.0, 9.6), cells=8)
-    facets = cut(vertices, triangles)
+    facets = cut(launcher, vertices, triangles)
     at_end = (vertices[triangles][:, :, :2] % 9.6 < 1e-9).any(axis=(1, 2))[facets.triangle]
     side = np.linalg.norm(facets.corner - np.roll(facets.corner, 1, axis=1), axis=2).max(axis=1)
     assert (side[at_end] / facets.cuts[at_end]).max() <= TILE_AT_END * (1 + 1e-5)
     assert (facets.cuts[~at_end] == 2).all() and (~at_end).sum() > 20
 
 
-def test_open_sides_follow_their_triangles():
-    facets = cut(*slivers())
+def test_open_sides_follow_their_triangles(launcher):
+    facets = cut(launcher, *slivers())
     end = np.roll(facets.corner, -2, axis=1) - np.roll(facets.corner, -1, axis=1)
     length = np.linalg.norm(end, axis=2)[facets.open_side].sum()
     vertices, triangles = slivers()
@@ -71,8 +71,8 @@ def test_open_sides_follow_their_triangles():
 
 
 def test_a_place_on_a_tile_is_found_again(launcher):
-    facets = cut(*slivers(), unit=0.9)
-    on_device = facets.for_kernels(launcher.device)
+    facets = cut(launcher, *slivers(), unit=0.9)
+    on_device = facets.for_kernels()
     count = facets.tile_count
     position, normal = launcher.empty(count, wp.vec3), launcher.empty(count, wp.vec3)
     label = launcher.empty(count, wp.int32)
@@ -90,8 +90,8 @@ def test_a_place_on_a_tile_is_found_again(launcher):
     assert far.max() < TILE
 
 
-def test_finer_cuts_change_only_their_facets():
-    facets = cut(*slivers())
+def test_finer_cuts_change_only_their_facets(launcher):
+    facets = cut(launcher, *slivers())
     before = facets.cuts.copy()
     facets.cut_finer(np.array([3]), 4)
     assert facets.cuts[3] == 4 * before[3]
