@@ -93,19 +93,34 @@ _PASS = """
             if (L > 1)
             {{
                 const float turn = -2.0f / (float)(R * L) * (float)((first_thread + h + q * T) & (L - 1));
-                float c[R], s[R];
-                c[0] = 1.0f; s[0] = 0.0f;
+                // exp(pi i turn), and its powers: those up to 3 stay, those of 4 follow each other, and the others are their products.
+                float c[4], s[4], of_fours_c = 1.0f, of_fours_s = 0.0f;
                 #ifdef __CUDA_ARCH__
                     sincospif(turn, &s[1], &c[1]);
                 #else
-                    c[1] = wp::cos(3.14159265358979f * turn); s[1] = wp::sin(3.14159265358979f * turn);
+                    const double angle = 3.14159265358979 * (double)turn;
+                    c[1] = (float)wp::cos(angle); s[1] = (float)wp::sin(angle);
                 #endif
-                UNROLL for (int m = 2; m < R; ++m)
+                c[2] = c[1]; s[2] = s[1];
+                multiply(c[2], s[2], c[1], s[1]);
+                c[3] = c[2]; s[3] = s[2];
+                multiply(c[3], s[3], c[1], s[1]);
+                float four_c = c[2], four_s = s[2];
+                multiply(four_c, four_s, c[2], s[2]);
+                UNROLL for (int fours = 0; fours < R / 4; ++fours)
                 {{
-                    c[m] = c[m / 2]; s[m] = s[m / 2];
-                    multiply(c[m], s[m], c[m - m / 2], s[m - m / 2]);
+                    if (fours > 0)
+                    {{
+                        multiply(of_fours_c, of_fours_s, four_c, four_s);
+                        multiply(x[4 * fours], y[4 * fours], of_fours_c, of_fours_s);
+                    }}
+                    UNROLL for (int m = 1; m < 4; ++m)
+                    {{
+                        float factor_c = c[m], factor_s = s[m];
+                        if (fours > 0) multiply(factor_c, factor_s, of_fours_c, of_fours_s);
+                        multiply(x[4 * fours + m], y[4 * fours + m], factor_c, factor_s);
+                    }}
                 }}
-                UNROLL for (int m = 1; m < R; ++m) multiply(x[m], y[m], c[m], s[m]);
             }}
             if (A == 4)
                 UNROLL for (int b = 0; b < B; ++b) four(x, y, b, B + b, 2 * B + b, 3 * B + b);
@@ -279,8 +294,9 @@ class TransformsOfLength(NamedTuple):
 @cache
 def transforms_of(length: int) -> TransformsOfLength:
     """Return the kernels for rows of ``length``, a power of two from 64 to 16384."""
-    # Registers are shared out among so many threads.
     module, block = f"{__name__}_{length}", block_of(length)
+    # No thread gets more registers than let so many threads run side by side.
+    bounds = (block, MOST_THREADS // block)
     threads = threads_of(length)
     common = _COMMON.format(
         length=length,
@@ -303,15 +319,15 @@ def transforms_of(length: int) -> TransformsOfLength:
         thread: int, used: int, influence: wp.array2d(dtype=float), complex: wp.array2d(dtype=wp.vec2)
     ): ...
 
-    @wp.kernel(module=module, launch_bounds=block)
+    @wp.kernel(module=module, launch_bounds=bounds)
     def transform_pairs(rows: wp.array2d(dtype=float), pairs: wp.array2d(dtype=wp.vec2)):
         of_rows(wp.tid(), rows, pairs)
 
-    @wp.kernel(module=module, launch_bounds=block)
+    @wp.kernel(module=module, launch_bounds=bounds)
     def transform_pairs_back(pairs: wp.array2d(dtype=wp.vec2), rows: wp.array2d(dtype=float)):
         to_rows(wp.tid(), pairs, rows)
 
-    @wp.kernel(module=module, launch_bounds=block)
+    @wp.kernel(module=module, launch_bounds=bounds)
     def convolve(used: int, influence: wp.array2d(dtype=float), columns: wp.array2d(dtype=wp.vec2)):
         convolve_column(wp.tid(), used, influence, columns)
 
