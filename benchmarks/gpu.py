@@ -72,14 +72,15 @@ def time_first(device: str) -> None:
         print(f"first run of {bodies:,} bodies: {time.perf_counter() - start:.2f} s", flush=True)
 
 
-def time_runs(counts: list[int], device: str, functions: bool) -> None:
+def time_runs(counts: list[int], groups: list[int], device: str, functions: bool) -> None:
     """Print what whole runs in the plane take."""
     for bodies in counts:
-        problem = problem_of(bodies)
-        line = median_of(lambda problem=problem: solve(problem, device=device), functions)
-        profile = Profile()
-        solve(problem, device=device, profile=profile)
-        print(f"{bodies:,} bodies in the plane: {line}\n{profile}", flush=True)
+        for group_count in groups:
+            problem = problem_of(bodies, group_count)
+            line = median_of(lambda problem=problem: solve(problem, device=device), functions)
+            profile = Profile()
+            solve(problem, device=device, profile=profile)
+            print(f"{bodies:,} bodies in the plane, groups: {group_count}: {line}\n{profile}", flush=True)
 
 
 def time_surfaces(counts: list[int], device: str, functions: bool) -> None:
@@ -123,6 +124,7 @@ def main() -> None:
     parser.add_argument("--device", default="auto")
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS))
     parser.add_argument("--bodies", type=int, nargs="+", default=[10_000, 100_000, 1_000_000])
+    parser.add_argument("--groups", type=int, nargs="+", default=[1, 6], help="of runs in the plane")
     parser.add_argument("--functions", action="store_true", help="say where the time goes")
     options = parser.parse_args()
     wp.config.quiet = True
@@ -131,7 +133,7 @@ def main() -> None:
     if "first" in options.parts:
         time_first(options.device)
     if "runs" in options.parts:
-        time_runs(options.bodies, options.device, options.functions)
+        time_runs(options.bodies, options.groups, options.device, options.functions)
     if "surfaces" in options.parts:
         time_surfaces([n for n in options.bodies if n >= 100_000] or options.bodies, options.device, options.functions)
     if "edits" in options.parts:
