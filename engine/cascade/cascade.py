@@ -522,7 +522,8 @@ class Cascade:
             if octave > diagonal or count < FEWEST_NODES:
                 self._levels.append(_Level(near, value, charge, potential))
                 return
-            coarse = chosen(launcher, nodes, thinned(launcher, nodes, 2.0 * NODE_DISTANCE * length))
+            kept = thinned(launcher, nodes, 2.0 * NODE_DISTANCE * length, crowded=False)
+            coarse = chosen(launcher, nodes, kept)
             wider = math.sqrt(3.0) * width
             up, up_value, down, down_value = self._between(nodes, coarse, 2.0 * length, wider)
             self._levels.append(_Level(near, value, charge, potential, up, up_value, down, down_value))

@@ -109,9 +109,12 @@ def grid_of(launcher: Launcher, position: wp.array, cell: float) -> kernels_poin
     return grid
 
 
-def thinned(launcher: Launcher, points: kernels_points.Points, radius: float) -> wp.array:
-    """Numbers of points that keep a distance: as many that no further one fits in; sheets that look apart do not see each other."""
-    few = _one_of_each_cell(launcher, points, radius / CELLS_OF_RADIUS)
+def thinned(launcher: Launcher, points: kernels_points.Points, radius: float, *, crowded: bool = True) -> wp.array:
+    """Numbers of points that keep a distance: as many that no further one fits in; sheets that look apart do not see each other.
+
+    ``crowded`` is whether most of them may lie nearer to others than a fraction of it.
+    """
+    few = _one_of_each_cell(launcher, points, radius / CELLS_OF_RADIUS) if crowded else None
     if few is not None:
         return taken(launcher, thinned(launcher, chosen(launcher, points, few), radius), few)
     count = len(points.position)

@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
+from .sides import Sides
 from .unit_vectors import unit_vectors
 
-__all__ = ["corner_normals", "creased_sides", "sides_of"]
+__all__ = ["corner_normals", "creased_sides"]
 
 # Where no triangle around a vertex looks farther from their mean than this, the surface is smooth there.
 SMOOTH_COSINE = math.cos(math.radians(20.0))
@@ -46,30 +47,23 @@ def corner_normals(corner: np.ndarray, normal: np.ndarray, welded: np.ndarray) -
     return result.reshape(-1, 3, 3)
 
 
-def sides_of(welded: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Sides of triangles, opposite of each corner: the vertex at their start, at their end, and a number for both; shape ``[3 t]``."""
-    start, end = (np.roll(welded, -step, axis=1).ravel() for step in (1, 2))
-    return start, end, np.minimum(start, end) * (int(welded.max()) + 1) + np.maximum(start, end)
-
-
-def creased_sides(corner_normal: np.ndarray, welded: np.ndarray) -> np.ndarray:
+def creased_sides(corner_normal: np.ndarray, sides: Sides) -> np.ndarray:
     """Return which sides, opposite of each corner, have a crease or the surface's end beside them, shape ``[t, 3]``.
 
     Args:
         corner_normal: What :func:`corner_normals` returns, shape ``[t, 3, 3]``.
-        welded: Numbers of the vertices, as there, shape ``[t, 3]``.
+        sides: The sides of the triangles.
     """
-    start, end, key = sides_of(welded)
-    _, which, count = np.unique(key, return_inverse=True, return_counts=True)
+    which, count = sides.number, sides.count
     # Where all triangles of a side agree on both of its ends, the mean of what they look to there is of length 1.
     at_ends = [np.roll(corner_normal, -step, axis=1).reshape(-1, 3) for step in (1, 2)]
-    backwards = (start > end)[:, None]
+    backwards = (sides.start > sides.end)[:, None]
     agreed = np.ones(len(count), bool)
     for one, other in (at_ends, at_ends[::-1]):
         looked = np.where(backwards, other, one)
-        total = np.stack([np.bincount(which.ravel(), looked[:, axis]) for axis in range(3)], axis=1)
+        total = np.stack([np.bincount(which, looked[:, axis]) for axis in range(3)], axis=1)
         agreed &= np.linalg.norm(total, axis=1) > AGREED * count
-    return ~(agreed & (count > 1))[which.ravel()].reshape(-1, 3)
+    return ~(agreed & (count > 1))[which].reshape(-1, 3)
 
 
 def _within_creases(vertex: np.ndarray, own: np.ndarray, weighed: np.ndarray) -> np.ndarray:

@@ -15,7 +15,8 @@ import numpy as np
 from ..errors import ProblemError
 from . import validation
 from .settings import settle
-from .smooth_normals import corner_normals, creased_sides, sides_of
+from .sides import Sides, sides_of
+from .smooth_normals import corner_normals, creased_sides
 from .validation import show
 
 __all__ = ["PointsOnSurface", "Surface", "SurfaceMesh"]
@@ -117,6 +118,7 @@ class Surface:
         part: Which of the parts that share no vertices each is in, shape ``[t]``.
         turned: Whether a triangle was turned round, so that its second and third corners have changed places, shape ``[t]``.
         welded: The triangles by vertices that are one where they lie in one place, shape ``[t, 3]``.
+        sides: The sides of these.
         open_side: Whether no other triangle lies beyond the side opposite of each corner, shape ``[t, 3]``.
 
     Raises:
@@ -132,6 +134,7 @@ class Surface:
     part: np.ndarray = field(init=False, repr=False)
     turned: np.ndarray = field(init=False, repr=False)
     welded: np.ndarray = field(init=False, repr=False)
+    sides: Sides = field(init=False, repr=False)
     open_side: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -157,7 +160,11 @@ class Surface:
             raise ProblemError("the surface must have an area; all its triangles are points or lines")
         triangle = triangle[kept]
         welded = _welded(position, triangle, extent)
-        turned = _turned(welded)
+        sides = sides_of(welded)
+        turned = _turned(sides)
+        if turned.any():
+            welded = np.where(turned[:, None], welded[:, [0, 2, 1]], welded)
+            sides = sides_of(welded)
         triangle = np.where(turned[:, None], triangle[:, [0, 2, 1]], triangle)
         normal = cross[kept] / length[kept, None]
         values = {
@@ -169,8 +176,9 @@ class Surface:
             "triangle_area": 0.5 * length[kept],
             "part": _parts(welded),
             "turned": turned,
-            "welded": np.where(turned[:, None], welded[:, [0, 2, 1]], welded),
-            "open_side": _open_sides(np.where(turned[:, None], welded[:, [0, 2, 1]], welded)),
+            "welded": welded,
+            "sides": sides,
+            "open_side": (sides.count == 1)[sides.number].reshape(-1, 3),
         }
         settle(self, **values)
 
@@ -187,7 +195,7 @@ class Surface:
     @cached_property
     def edge_side(self) -> np.ndarray:
         """Whether a crease or the surface's end lies at the side opposite of each corner, shape ``[t, 3]``."""
-        return creased_sides(self.corner_normal, self.welded)
+        return creased_sides(self.corner_normal, self.sides)
 
     @cached_property
     def low(self) -> np.ndarray:
@@ -353,27 +361,14 @@ def _welded(position: np.ndarray, triangle: np.ndarray, extent: float) -> np.nda
     return np.unique(key, return_inverse=True)[1].ravel()[index].reshape(-1, 3)
 
 
-def _edges(welded: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Triangles on both sides of the edges of exactly two, and whether these run along it in one direction (which they must not)."""
-    start, end, key = sides_of(welded)
-    order = np.argsort(key, kind="stable")
-    sorted_key = key[order]
-    same = np.concatenate([[False], sorted_key[1:] == sorted_key[:-1], [False]])
-    pair = np.flatnonzero(same[1:-1] & ~same[:-2] & ~same[2:])
-    one, other = order[pair], order[pair + 1]
-    return one // 3, other // 3, (start < end)[one] == (start < end)[other]
-
-
-def _open_sides(welded: np.ndarray) -> np.ndarray:
-    """Which sides, opposite of each corner, belong to one triangle only, shape ``[t, 3]``."""
-    _, which, count = np.unique(sides_of(welded)[2], return_inverse=True, return_counts=True)
-    return (count == 1)[which.ravel()].reshape(-1, 3)
-
-
-def _turned(welded: np.ndarray) -> np.ndarray:
+def _turned(sides: Sides) -> np.ndarray:
     """Which triangles look the other way than most of the sheet that they are in, shape ``[t]``."""
-    count = len(welded)
-    one, other, against = _edges(welded)
+    count = len(sides.number) // 3
+    side, beside = sides.pairs()
+    one, other = side // 3, beside // 3
+    # Neighbors run along the side between them in opposite directions, or one of them is to be turned round.
+    ahead = sides.start < sides.end
+    against = ahead[side] == ahead[beside]
     turned = np.zeros(count, bool)
     if not against.any():
         return turned

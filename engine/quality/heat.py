@@ -16,7 +16,7 @@ import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.of_bodies import of_all
-from ..problem.smooth_normals import sides_of
+from ..problem.sides import Sides
 from ..problem.surface import PointsOnSurface, Surface
 from ..space.cell_sort import CellSort
 from . import kernels_heat
@@ -60,7 +60,7 @@ class HeatMesh:
         most = math.sqrt(max(MOST_PER_BODY * count, FEWEST) / triangles)
         cuts = max(1, min(math.ceil(PER_SPACING * typical / self.spacing), int(most)))
         self._steps, self._pattern = _cut_evenly(cuts)
-        self._cut, self._count = _vertices_of(launcher, surface.welded, self._steps, self._pattern)
+        self._cut, self._count = _vertices_of(launcher, surface.sides, self._steps, self._pattern)
         n, corners = self._count, triangles * self._pattern.size
         stiffness = self._stiffness(corner, corners)
         # A vertex that slivers tie fast to its neighbors is as slow as the finest detail that matters.
@@ -186,28 +186,28 @@ def _cut_evenly(cuts: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _vertices_of(
-    launcher: Launcher, welded: np.ndarray, steps: np.ndarray, pattern: np.ndarray
+    launcher: Launcher, sides: Sides, steps: np.ndarray, pattern: np.ndarray
 ) -> tuple[kernels_heat.Cut, int]:
     """Number the vertices that triangles have when they are cut; those on shared corners and sides are one.
 
     Args:
         launcher: Where to run.
-        welded: Numbers of the corners of the triangles, shape ``[t, 3]``.
+        sides: The sides of the triangles.
         steps: Where the vertices of each lie, see :func:`_cut_evenly`.
         pattern: Which of them its small triangles have, see there.
 
     Returns:
         How the surface is cut, and how many vertices there are.
     """
-    triangles, cuts, corner_count = len(welded), int(steps[0].sum()), int(welded.max()) + 1
-    start, end, key = sides_of(welded)
-    # A side whose ends are one is a point.
-    is_side = start != end
-    number = np.zeros(len(key), np.int32)
-    sides, number[is_side] = np.unique(key[is_side], return_inverse=True)
+    triangles, cuts, corner_count = len(sides.number) // 3, int(steps[0].sum()), int(sides.start.max()) + 1
+    # A side whose ends are one is a point, and has no number.
+    is_side = np.zeros(len(sides.count), bool)
+    is_side[sides.number[sides.start != sides.end]] = True
+    number = (np.cumsum(is_side) - 1)[sides.number]
+    side_count = int(is_side.sum())
     of_triangles = kernels_heat.Sides()
     of_triangles.start, of_triangles.end, of_triangles.number = (
-        launcher.array(values.astype(np.int32), wp.int32) for values in (start, end, number)
+        launcher.array(values.astype(np.int32), wp.int32) for values in (sides.start, sides.end, number)
     )
     is_inner = (steps > 0).all(axis=1)
     inner_count = int(is_inner.sum())
@@ -223,13 +223,13 @@ def _vertices_of(
             launcher.array(steps.astype(np.int32), wp.vec3i),
             of_triangles,
             corner_count,
-            len(sides),
+            side_count,
             launcher.array(inner, wp.int32),
             inner_count,
         ],
         [cut.vertex],
     )
-    return cut, corner_count + len(sides) * (cuts - 1) + triangles * inner_count
+    return cut, corner_count + side_count * (cuts - 1) + triangles * inner_count
 
 
 def _chebyshev(half: float) -> np.ndarray:

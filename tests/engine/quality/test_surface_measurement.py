@@ -228,3 +228,20 @@ def test_what_lies_above_a_sheet_does_not_overlap_what_lies_on_it(way, other, sh
     found = wp.zeros(1, dtype=wp.int32, device="cpu")
     wp.launch(look, dim=1, inputs=given, outputs=[found], device="cpu")
     assert bool(found.numpy()[0]) is sheet
+
+
+def test_every_vertex_of_a_cut_surface_is_one_place_and_each_place_one_vertex(launcher):
+    # Two corners of the last triangle are so near that they count as one.
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [-1, 0.5, 0], [0, 1 + 4e-7, 0]])
+    surface = Surface(SurfaceMesh(vertices, [[0, 1, 2], [0, 2, 3], [0, 3, 4], [4, 3, 5]]))
+    assert len(surface.triangle) == 4
+    heat = HeatMesh(launcher, surface, 500)
+    vertex = heat._cut.vertex.numpy().reshape(4, -1)
+    weight = heat._steps / heat._cut.cuts
+    place = np.einsum("pk,tkd->tpd", weight, surface.position[surface.triangle])
+    assert heat._cut.cuts > 3
+    np.testing.assert_array_equal(np.unique(vertex), np.arange(heat._count))
+    rounded = np.round(place[:3].reshape(-1, 3), 9)
+    where, number = np.unique(rounded, axis=0, return_inverse=True)
+    pairs = np.unique(np.stack([vertex[:3].ravel(), number.ravel()], axis=1), axis=0)
+    assert len(pairs) == len(where) == len(np.unique(vertex[:3]))
