@@ -254,7 +254,7 @@ class Cascade:
         )
         nodes = self._nodes
         self.node_count = len(nodes.position)
-        self.home = self._homes(tiles, is_full, sources, on_surface, place)
+        self.home = self._homes(tiles, is_full, (parts.tile[0], sources), on_surface, place)
         self._weights = _weights_of(launcher, nodes, width, length)
         cutoff = NEAR_REACH / math.sqrt(2.0) * length
         pairs = runs_of(launcher, lists_of(launcher, nodes, nodes, cutoff + 2.0 * NODE_DISTANCE * length, LEAST_COSINE))
@@ -360,11 +360,11 @@ class Cascade:
                 multiply(level.up, level.up_value, levels[number + 1].potential, 1, level.potential)
 
     def _homes(
-        self, tiles: Points, is_full: np.ndarray, sources: Points, on_surface: Points, place: wp.array
+        self, tiles: Points, is_full: np.ndarray, full: tuple[wp.array, Points], on_surface: Points, place: wp.array
     ) -> wp.array:
         """Homes of tiles, ``wp.int32``: nodes on the surface, whose numbers among all nodes are ``place``.
 
-        Those that are full are ``sources``.
+        ``full`` are the numbers of those that are full, and their middles.
         """
         launcher, length = self.launcher, self._length
         result = launcher.zeros(len(tiles.position), wp.int32)
@@ -373,7 +373,7 @@ class Cascade:
             near = nearest_of(launcher, points, on_surface, reach, turn)
             launcher.launch(kernels_cascade.settle, len(own), [own, near, place], [result])
 
-        find(_places(launcher, is_full), sources, HOME_REACH * length, HOME_TURN * length)
+        find(*full, HOME_REACH * length, HOME_TURN * length)
         if not is_full.all():
             # What is fixed may lie there, and ends of lines.
             empty = _places(launcher, ~is_full)
