@@ -16,7 +16,7 @@ from .errors import ProblemError
 from .problem.domain import Domain
 from .problem.placement import Placement
 from .problem.problem import Problem
-from .problem.validation import check_count, check_progress, show
+from .problem.validation import check_count, check_is, check_progress, show
 from .quality.measurement import measure
 from .solver.solver import Progress, Solver, is_stop
 
@@ -58,6 +58,8 @@ def solve(
     if not isinstance(problem, Problem):
         raise ProblemError(f"`problem` must be a Problem; got {show(problem)}")
     check_progress(progress)
+    if profile is not None:
+        check_is(profile, Profile, "`profile`")
     max_steps = check_count(max_steps, "`max_steps`")
     with closing(Launcher(resolve_device(device), profile)) as launcher:
         return solve_on(launcher, problem, max_steps, progress)

@@ -13,7 +13,7 @@ from ..errors import EshError
 from ..files.placement_files import one_of, write_files
 from ..problem.ink_models import DEFAULT_MODEL, INK_MODELS
 from .argument_types import positive_number
-from .signals import end_if_asked, loading
+from .signals import loading, writing
 from .streams import say
 
 __all__ = ["add_separate", "separate"]
@@ -75,7 +75,8 @@ def separate(options: argparse.Namespace) -> int:
     except OSError as error:
         raise EshError(f"-o {folder} cannot be made: {(error.strerror or str(error)).lower()}") from None
     try:
-        write_files(writers, still_wanted=end_if_asked)
+        with writing() as settle:
+            write_files(writers, still_wanted=settle)
     except BaseException:
         if made:
             with contextlib.suppress(OSError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NoReturn
 
 from .first_signals import ENDING, INTERRUPTING, leave, said_to
@@ -15,11 +15,11 @@ __all__ = [
     "after_all_is_written",
     "answered_here",
     "end",
-    "end_if_asked",
     "interrupt",
     "loading",
     "on_signals",
     "received",
+    "writing",
 ]
 
 # What shells report for a program that Ctrl-C ended.
@@ -40,13 +40,6 @@ def end(number: int, frame: object) -> NoReturn:
     """Handle a signal by raising Ended."""
     received.append(number)
     raise Ended(number)
-
-
-def end_if_asked() -> None:
-    """Raise Ended for a signal that came before, whose Ended a library swallowed: those in C clear what they do not expect."""
-    for number in received:
-        if number in ENDING:
-            raise Ended(number)
 
 
 def interrupt(number: int, frame: object) -> NoReturn:
@@ -72,6 +65,32 @@ def loading() -> Iterator[None]:
     """
     with on_signals((*INTERRUPTING, *ENDING) if said_to else (), leave):
         yield
+
+
+@contextlib.contextmanager
+def writing() -> Iterator[Callable[[], None]]:
+    """Let the first signal stop what is written, and no other disturb that this is then taken away.
+
+    Yields:
+        What is to be called when all files are complete: it raises what a signal asked for that a library swallowed, as those in C
+        do with what they do not expect. From then on signals are not heard: all files take their places, in a moment, or none.
+    """
+    settled = False
+
+    def stop(number: int, frame: object) -> None:
+        if not (settled or received):
+            (end if number in ENDING else interrupt)(number, frame)
+
+    def settle() -> None:
+        nonlocal settled
+        for number in received:
+            raise Ended(number) if number in ENDING else KeyboardInterrupt
+        settled = True
+
+    # Other programs' handlers of Ctrl-C stay.
+    ours = INTERRUPTING if signal.getsignal(signal.SIGINT) is interrupt else ()
+    with on_signals((*ours, *ENDING), stop):
+        yield settle
 
 
 @contextlib.contextmanager

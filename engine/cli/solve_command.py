@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -17,7 +16,7 @@ from .argument_types import positive_number, whole_number
 from .compiled_code import ends_in_compiled_code
 from .first_signals import ENDING, INTERRUPTING
 from .progress_bar import progress_bar
-from .signals import after_all_is_written, end_if_asked, loading, on_signals, received
+from .signals import after_all_is_written, loading, on_signals, received, writing
 from .signals import end as end_by_signal
 from .streams import complain, say
 
@@ -115,9 +114,8 @@ def solve(options: argparse.Namespace) -> int:
         profile = Profile() if options.profile else None
     placement = _run(asked.problem, options, profile)
     writers = _writers(options, asked, placement)
-    # The result is there: finishing takes a moment, and half of the files would be worse than all or none.
-    with on_signals(INTERRUPTING, signal.SIG_IGN):
-        write_files(writers, still_wanted=end_if_asked)
+    with writing() as settle:
+        write_files(writers, still_wanted=settle)
     with after_all_is_written():
         say(*([] if options.quiet else [placement.report]), *([] if profile is None else [profile]))
     return 0

@@ -17,7 +17,7 @@ from ..errors import EshError
 from ..files.placement_files import write_files
 from ..problem import validation
 from ..problem.placement import Placement
-from ..problem.validation import check_is, show
+from ..problem.validation import check_is
 from .periodic_copies import copies_of_bodies, copies_within
 
 __all__ = ["ink_coverage", "line_axis", "render_halftone", "write_halftone_png", "write_halftone_svg"]
@@ -351,22 +351,12 @@ def _between(slope: np.ndarray, offset: np.ndarray, low: np.ndarray, high: np.nd
 
 
 def _checked_colors(colors: Sequence[Color] | None, count: int) -> list[Color]:
-    if colors is None:
-        return [BLACK] * count
-    try:
-        listed = [tuple(float(value) for value in color[:3]) for color in colors]
-    except validation.FOREIGN_ERRORS:
-        raise EshError(f"`colors` must be a list of red, green and blue, each 0..1; got {show(colors)}") from None
-    if len(listed) < count:
-        raise EshError(f"`colors` must hold one color per class, {count}; got {len(listed)}")
-    for color in listed:
-        if len(color) != 3 or not all(0.0 <= value <= 1.0 for value in color):
-            raise EshError(f"`colors` must be red, green and blue, each 0..1; got {show(color)}")
-    return listed[:count]  # type: ignore[return-value]
+    return [BLACK] * count if colors is None else validation.check_colors(colors, count)
 
 
 def _write(path: str | Path | BinaryIO, writer: Any) -> None:
-    if isinstance(path, (str, Path)):
-        write_files({Path(path): writer})
+    out = validation.as_path_or_file(path)
+    if isinstance(out, Path):
+        write_files({out: writer})
     else:
-        writer(path)
+        writer(out)

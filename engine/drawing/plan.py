@@ -20,7 +20,7 @@ from ..problem.body_kind import disc_radius
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
 from ..problem.slopes import foreshortened
-from ..problem.validation import check_is
+from ..problem.validation import FOREIGN_ERRORS, as_path_or_file, check_is, show
 from .halftone import line_axis
 from .periodic_copies import boxes_of_bodies, copies_of_bodies
 
@@ -97,6 +97,7 @@ def draw_plan(
             be written.
     """
     problem = check_is(placement, Placement, "`placement`").problem
+    out = as_path_or_file(path)
     class_color = _class_colors(colors, len(problem.classes))
     size_color = [
         _shades(color, [size.mean_area for size in k.sizes])
@@ -113,10 +114,10 @@ def draw_plan(
     canvas_width = max(plan_width + 2 * margin, 900)
     lines = _legend_lines(placement, scale, class_color, size_color, canvas_width - 2 * margin)
     sheet = _compose(plan, (plan_width, plan_height), canvas_width, lines, placement, reach)
-    if isinstance(path, (str, Path)):
-        write_files({Path(path): lambda file: sheet.save(file, format="PNG")})
+    if isinstance(out, Path):
+        write_files({out: lambda file: sheet.save(file, format="PNG")})
     else:
-        sheet.save(path, format="PNG")
+        sheet.save(out, format="PNG")
 
 
 def _reach_over_border(placement: Placement, scale: float) -> int:
@@ -336,7 +337,10 @@ def _draw_swatch(canvas: Image.Image, center: tuple[int, int], radius: float, ha
 def _faint(background: np.ndarray) -> Image.Image:
     from PIL import Image
 
-    picture = np.asarray(background)
+    try:
+        picture = np.asarray(background)
+    except FOREIGN_ERRORS:
+        raise EshError(f"`background` must be an array of numbers; got {show(background)}") from None
     if picture.ndim == 2:
         picture = np.repeat(picture[..., None], 3, axis=2)
     if picture.ndim != 3 or picture.shape[2] != 3 or picture.size == 0 or picture.dtype.kind not in "buif":
@@ -348,9 +352,13 @@ def _faint(background: np.ndarray) -> Image.Image:
 def _class_colors(colors: Sequence[Any] | None, class_count: int) -> list[Color]:
     if colors is None:
         return [PALETTE[index % len(PALETTE)] for index in range(class_count)]
-    if len(colors) < class_count:
-        raise EshError(f"`colors` must hold one color per class, {class_count}; got {len(colors)}")
-    return [_color(color) for color in colors[:class_count]]
+    try:
+        listed = list(colors)
+    except FOREIGN_ERRORS:
+        raise EshError(f"`colors` must be a list of colors; got {show(colors)}") from None
+    if len(listed) < class_count:
+        raise EshError(f"`colors` must hold one color per class, {class_count}; got {len(listed)}")
+    return [_color(color) for color in listed[:class_count]]
 
 
 def _color(color: Any) -> Color:

@@ -16,7 +16,7 @@ from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem, ProblemSettings
 from ..problem.settings import values_of
 from ..problem.size import Size
-from ..problem.validation import as_path, check_is
+from ..problem.validation import as_path, check_colors, check_is
 from .placement_files import write_files
 from .recipe_keys import written_settings
 from .recipe_scene import written_fixed, written_obstacles
@@ -73,6 +73,7 @@ def recipe_text(
         colors: Of the classes, in a halftone.
     """
     domain = problem.rectangle
+    colors = None if colors is None else check_colors(colors, len(problem.classes))
     tables: list[tuple[str, dict[str, Any]]] = [
         ("", {"version": 1, **written_settings(problem, ProblemSettings, _no_arrays)}),
         ("[domain]", written_settings(domain, Domain, _no_arrays)),

@@ -19,13 +19,13 @@ from .prepared_class import PreparedClass
 from .wave_filter import filter_waves
 
 __all__ = [
-    "BYTES_PER_PIXEL_OF_CLUMPS",
     "PIXELS_PER_CLUMP",
     "WAVELENGTH",
     "as_dense_at_large",
     "clump_factor",
     "clump_size_of",
     "crowding_of",
+    "memory_of_clumps",
     "pushed_out_at",
     "share_at_large",
     "with_clumps",
@@ -69,8 +69,9 @@ PIXELS_IN_ALL = 24 * 2**20
 LONG_SIDE = 1024
 # Mean square of the factor on a density, less 1, at these strengths.
 STRENGTHS, CROWDING = (0.0, 0.25, 0.5, 0.75, 1.0), (0.0, 0.08, 0.32, 0.70, 1.15)
-# At the peak, measured: the grid of waves, what is filtered, and its transforms [bytes].
-BYTES_PER_PIXEL_OF_CLUMPS = 64
+# At the peak, measured: the grid of waves and what is filtered; and per pixel of the density with what lies around it where it is
+# blurred: spectra and their copies [bytes].
+BYTES_PER_PIXEL_OF_CLUMPS, BYTES_PER_PIXEL_BLURRED = 36, 80
 
 
 def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int, regularity: float) -> PreparedClass:
@@ -139,13 +140,45 @@ def _shape(image: np.ndarray, size: float, domain: Domain, name: str) -> tuple[i
             f"{domain.size[0]:g} x {domain.size[1]:g} m; got {size:.3g}"
         )
     rows, columns = (own * math.ceil(many / own) for own, many in zip(image.shape, wanted, strict=True))
-    required, available = BYTES_PER_PIXEL_OF_CLUMPS * rows * columns, machine_memory()
+    required, available = memory_of_clumps(image, (rows, columns), size, domain), machine_memory()
     if available is not None and required > available:
         raise ProblemError(
             f'`clump_size` of class "{name}" is too small ({size:.3g} m): its density would have {columns} x {rows} pixels and take '
             f"about {format_bytes(required)} of memory, and this machine has {format_bytes(available)}"
         )
     return rows, columns
+
+
+def memory_of_clumps(
+    asked: np.ndarray, shape: Sequence[int], size: float, domain: Domain, crowding: float = 0.0
+) -> int:
+    """Estimate what making clumps takes at its peak [bytes].
+
+    Args:
+        asked: The density, shape ``[height, width]``.
+        shape: Height and width of the image that shows the clumps.
+        size: Their diameter [m].
+        domain: Where.
+        crowding: Of clumps that ``asked`` has already, see :func:`crowding_of`.
+    """
+    own = (domain.size[1] / asked.shape[0], domain.size[0] / asked.shape[1])
+    # Of a single pixel no sum leaves the range of its numbers.
+    whole = asked.astype(np.float64) if asked.size > 1 else np.ones((1, 1))
+    blurred = 0
+    if whole.any() and share_at_large(whole, own, size / math.sqrt(1.0 + crowding)) > 0.0:
+        padded = _padded(
+            shape, [length / n for length, n in zip(domain.size[::-1], shape, strict=True)], size, domain.periodic
+        )
+        blurred = BYTES_PER_PIXEL_BLURRED * padded[0] * padded[1]
+    return BYTES_PER_PIXEL_OF_CLUMPS * shape[0] * shape[1] + blurred
+
+
+def _padded(shape: Sequence[int], pixel: Sequence[float], size: float, wraps: bool) -> list[int]:
+    """Height and width of what a density is blurred in. What does not wrap ends at its edges: nothing is beyond."""
+    reach = REACH_OF_BLUR * AT_LARGE * WAVELENGTH * size
+    return [
+        many if wraps else _fast_length(many + math.ceil(reach / step)) for many, step in zip(shape, pixel, strict=True)
+    ]
 
 
 def _factor(
@@ -221,11 +254,7 @@ def as_dense_at_large(
     if weight == 0.0 or not asked.any():
         return clumped
     reach = AT_LARGE * WAVELENGTH * size
-    # What does not wrap ends at its edges: nothing is beyond.
-    padded = [
-        many if wraps else _fast_length(many + math.ceil(REACH_OF_BLUR * reach / step))
-        for many, step in zip(asked.shape, pixel, strict=True)
-    ]
+    padded = _padded(asked.shape, pixel, size, wraps)
     along_y = np.fft.fftfreq(padded[0], pixel[0])[:, None]
     along_x = np.fft.rfftfreq(padded[1], pixel[1])[None, :]
     exponent = 0.5 * (2.0 * math.pi * reach) ** 2 * (along_y**2 + along_x**2)

@@ -67,8 +67,10 @@ class SurfaceMesh:
         if not np.isfinite(vertices[triangles]).all():
             raise ProblemError(f"`vertices` {where} must be finite; one of them is NaN or infinite")
         attributes = {}
+        if not isinstance(self.attributes, Mapping):
+            raise ProblemError(f"`attributes` {where} must be arrays by their names; got {show(self.attributes)}")
         for name, values in self.attributes.items():
-            values = np.asarray(values)
+            values = _numbers(values, f'attribute "{name}" {where}')
             if values.ndim not in (1, 2) or len(values) not in (len(vertices), len(triangles)):
                 raise ProblemError(
                     f'attribute "{name}" {where} must hold one value per vertex, {len(vertices)}, or per triangle, '
@@ -77,7 +79,7 @@ class SurfaceMesh:
             attributes[name] = values
         uv = self.uv
         if uv is not None:
-            uv = np.asarray(uv, dtype=np.float64)
+            uv = _numbers(uv, f"`uv` {where}").astype(np.float64)
             if uv.shape not in ((len(vertices), 2), (len(triangles), 3, 2)):
                 raise ProblemError(
                     f"`uv` {where} must have shape [{len(vertices)}, 2] or [{len(triangles)}, 3, 2]; got {list(uv.shape)}"
@@ -335,6 +337,17 @@ class PointsOnSurface:
             result[own] = values
         assert result is not None
         return result
+
+
+def _numbers(value: object, key: str) -> np.ndarray:
+    """Return an array of numbers; raise ProblemError for anything else."""
+    try:
+        array = np.asarray(value)
+    except validation.FOREIGN_ERRORS:
+        array = np.empty(0, dtype=object)
+    if array.dtype.kind not in "biuf":
+        raise ProblemError(f"{key} must be an array of numbers; got {show(value)}")
+    return array
 
 
 def _array(value: object, shape: tuple[int | None, ...], key: str) -> np.ndarray:

@@ -14,7 +14,7 @@ import os
 import reprlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import BinaryIO, Literal, TypeVar
 
 import numpy as np
 
@@ -81,10 +81,10 @@ def check_boundary(value: object, key: str = "`domain.boundary`") -> Boundary:
 
 
 def check_period(size: tuple[float, float], boundary: Boundary, key: str = "`domain.size`") -> None:
-    """Raise ProblemError where a periodic domain is longer than its mesh can be."""
-    if boundary == "periodic" and max(size) > MOST_ELONGATED_PERIODIC * min(size):
+    """Raise ProblemError where a domain that goes on beyond its edges is longer than its mesh can be."""
+    if boundary in ("periodic", "mirror") and max(size) > MOST_ELONGATED_PERIODIC * min(size):
         raise ProblemError(
-            f"{key} must not be more than {MOST_ELONGATED_PERIODIC:,} times longer than wide where the boundary is periodic; got "
+            f'{key} must not be more than {MOST_ELONGATED_PERIODIC:,} times longer than wide where the boundary is "{boundary}"; got '
             f"{show(size)}"
         )
 
@@ -532,6 +532,25 @@ def check_progress(value: object) -> None:
     """Raise ProblemError for what cannot be called after steps; None is nobody."""
     if value is not None and not callable(value):
         raise ProblemError(f"`progress` must be a function, or None; got {show(value)}")
+
+
+def check_colors(colors: object, count: int) -> list[tuple[float, float, float]]:
+    """Return red, green and blue of so many classes; raise ProblemError for what are no colors, or too few."""
+    try:
+        listed = [tuple(float(value) for value in color[:3]) for color in colors]  # type: ignore[attr-defined]
+    except FOREIGN_ERRORS:
+        raise ProblemError(f"`colors` must be a list of red, green and blue, each 0..1; got {show(colors)}") from None
+    if len(listed) < count:
+        raise ProblemError(f"`colors` must hold one color per class, {count}; got {len(listed)}")
+    for color in listed:
+        if len(color) != 3 or not all(0.0 <= value <= 1.0 for value in color):
+            raise ProblemError(f"`colors` must be red, green and blue, each 0..1; got {show(color)}")
+    return listed[:count]  # type: ignore[return-value]
+
+
+def as_path_or_file(value: object, key: str = "`path`") -> Path | BinaryIO:
+    """Return the path of a file, or a file that is open for writing; raise ProblemError for anything else."""
+    return value if callable(getattr(value, "write", None)) else as_path(value, key)  # type: ignore[return-value]
 
 
 def as_path(value: object, key: str = "`path`") -> Path:

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
+import numpy as np
+
 from ..device.devices import core_count, gpu_environments, processes_on_gpus, resolve_device
 from ..device.launcher import launcher_of_process
 from ..errors import EshError, ProblemError
 from ..problem.placement import Placement
 from ..problem.problem import Problem
-from ..problem.validation import check_count, show
+from ..problem.validation import check_count, check_progress, show
 from ..solve import solve, solve_on
 from .warm_pools import warm_pool
 from .worker import Failure
@@ -56,7 +58,8 @@ def solve_many(
         ProblemError: A problem that cannot be solved; its number (from 0) is said. The others are not finished.
         DeviceError: An unknown device, or CUDA asked for and absent.
     """
-    if not isinstance(problems, Iterable):
+    check_progress(progress)
+    if not isinstance(problems, Iterable) or (isinstance(problems, np.ndarray) and not problems.ndim):
         raise ProblemError(f"`problems` must be a list of Problem; got {show(problems)}")
     problems = list(problems)
     for number, problem in enumerate(problems):

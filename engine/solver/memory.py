@@ -11,9 +11,11 @@ import numpy as np
 from ..errors import ProblemError
 from ..field.field_meshes import charge_mesh, cutoff_of, target_mesh
 from ..field.mirrored_field import COPIES
-from ..problem.clumps import BYTES_PER_PIXEL_OF_CLUMPS
+from ..problem.clumps import clump_size_of, crowding_of, memory_of_clumps
+from ..problem.domain import Domain
 from ..problem.interaction import LEVELS, most_levels
 from ..problem.machine_memory import format_bytes, machine_memory
+from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.size import Size
 from ..problem.surface import Surface
@@ -74,10 +76,14 @@ def required_memory(problem: Problem) -> int:
         triangles = len(problem.domain.triangle)
         return of_bodies + BYTES_PER_CHARGE_ON_SURFACE * problem.charge_count + BYTES_PER_TRIANGLE * triangles
     # Clumps are made before anything else.
-    of_clumps = BYTES_PER_PIXEL_OF_CLUMPS * max(
-        (c.density_image.size for c in problem.classes if c.clustering), default=0
-    )
+    of_clumps = max((_required_for_clumps(c, problem.rectangle) for c in problem.classes if c.clustering), default=0)
     return max(of_bodies + _required_for_images(problem) + _required_for_meshes(problem), BYTES_FIXED + of_clumps)
+
+
+def _required_for_clumps(body_class: PreparedClass, domain: Domain) -> int:
+    """Estimate the memory that the clumps of a class took when they were made [bytes]."""
+    image, size = body_class.density_image, clump_size_of(body_class.clump_size, domain, body_class.body_count)
+    return memory_of_clumps(image, image.shape, size, domain, crowding_of(body_class.clustering))
 
 
 def _required_for_images(problem: Problem) -> int:

@@ -19,7 +19,7 @@ from ..problem.domain import Domain
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.surface import Surface
-from ..problem.validation import check_is
+from ..problem.validation import FOREIGN_ERRORS, check_count, check_is, check_progress, show
 from ..space.density import move_into_support
 from .body_flags import BodyFlags
 from .carried_over import CarriedOver
@@ -161,11 +161,19 @@ class Solver:
         flags: np.ndarray | None = None,
         launcher: Launcher | None = None,
     ) -> None:
+        if profile is not None:
+            check_is(profile, Profile, "`profile`")
+        if launcher is not None:
+            check_is(launcher, Launcher, "`launcher`")
         self.launcher = launcher or Launcher(resolve_device(device), profile)
         self._is_shared = launcher is not None
         self._left_at: np.ndarray | None = None
         try:
             check_is(problem, Problem, "`problem`")
+            if state is not None:
+                check_is(state, SurfaceState if isinstance(problem.domain, Surface) else State, "`state`")
+            if flags is not None:
+                flags = _checked_flags(flags, problem.body_count)
             check_memory(problem)
             with self.launcher.phase("set-up"):
                 self.model = placed = Model(problem, flags)
@@ -366,11 +374,9 @@ class Solver:
         if self._leave_beyond():
             self.descent = Descent(self.model, self.launcher)
         if isinstance(self.descent, SurfaceDescent):
-            assert isinstance(state, SurfaceState)
-            self.descent.state.assign(state)
+            self.descent.state.assign(check_is(state, SurfaceState, "`state`"))
         else:
-            assert isinstance(state, State)
-            self.descent.state.assign(state)
+            self.descent.state.assign(check_is(state, State, "`state`"))
         self.descent.place_charges()
 
     def start_at(
@@ -486,8 +492,9 @@ class Solver:
         """Take steps; return the residual, see :class:`Progress`.
 
         Raises:
-            ProblemError: A force is no finite number.
+            ProblemError: A force is no finite number, or ``count`` is no number of steps.
         """
+        count = check_count(count, "`count`")
         self.descent.step.play(count)
         return self._stepped(count)
 
@@ -506,6 +513,8 @@ class Solver:
         Returns:
             The steps taken, and whether bodies have settled.
         """
+        max_steps = check_count(max_steps, "`max_steps`")
+        check_progress(progress)
         residual = math.inf
         step = 0
         while step < max_steps:
@@ -701,3 +710,17 @@ def _carry_turns(old: Model, before: State, model: Model, state: State, carried:
     turn = state.turn.numpy().copy()
     turn[came] = before.turn.numpy()[carried.source[came]]
     state.turn.assign(turn)
+
+
+def _checked_flags(flags: object, body_count: int) -> np.ndarray:
+    """Return flags of bodies, shape ``[body_count]``, int32; raise ProblemError for anything else."""
+    try:
+        given = np.asarray(flags)
+        usable = (
+            given.shape == (body_count,) and given.dtype.kind in "biu" and bool((given == given.astype(np.int32)).all())
+        )
+    except FOREIGN_ERRORS:
+        usable = False
+    if not usable:
+        raise ProblemError(f"`flags` must be whole numbers, one for each of {body_count} bodies; got {show(flags)}")
+    return given.astype(np.int32)

@@ -111,12 +111,17 @@ def _tiles(image: bpy.types.Image, key: str) -> dict[int, np.ndarray]:
     Blender tells the pixels of the first tile only, so that all of them, changed or packed as they may be, are saved and read again.
     """
     result = {}
+    # Floating-point numbers have other colors in a PNG, and end at 1 there.
+    wanted, ending = ("OPEN_EXR", ".exr") if image.is_float else ("PNG", ".png")
+    kept = image.file_format
     with tempfile.TemporaryDirectory(prefix="esh-scatter-") as folder:
-        ending = ".exr" if image.file_format in ("OPEN_EXR", "OPEN_EXR_MULTILAYER") else ".png"
         try:
+            image.file_format = wanted
             image.save(filepath=str(Path(folder) / f"tile.<UDIM>{ending}"), save_copy=True)
         except RuntimeError:  # Blender names the image, not the tile
             raise ProblemError(f'{key}: image "{image.name}" must have pixels in all its tiles; one has none') from None
+        finally:
+            image.file_format = kept
         for tile in image.tiles:
             path = Path(folder) / f"tile.{tile.number}{ending}"
             if not path.is_file():
@@ -125,7 +130,10 @@ def _tiles(image: bpy.types.Image, key: str) -> dict[int, np.ndarray]:
                 )
             loaded = bpy.data.images.load(str(path))
             try:
-                loaded.alpha_mode = image.alpha_mode
+                # Decoded as the image is: masks of 16 bits are often plain numbers.
+                loaded.colorspace_settings.name = image.colorspace_settings.name
+                # Saved as they are in memory, colors must neither be multiplied with alpha again nor divided by it.
+                loaded.alpha_mode = "CHANNEL_PACKED"
                 result[tile.number] = image_pixels(loaded, key)
             finally:
                 bpy.data.images.remove(loaded)

@@ -292,9 +292,9 @@ def _follow(tree: Tree, followed: Sequence[Followed]) -> Socket:
     tied = tree.compare("GREATER_THAN", tree.vector("LENGTH", weights), 0.0)
     follows = tree.both(tree.inputs["follow"], tied, *same)
     tree.column(2)
-    a, b, c = (_corner(tree, name, infos) for name in CORNERS)
+    corner, edge, side = _triangle(tree, infos)
     tree.column(3)
-    ground, edge, side = tree.part("Ground", _ground_now, a=a, b=b, c=c, weights=weights)
+    (ground,) = tree.part("Ground Point", _ground_now, corner=corner, edge=edge, side=side, weights=weights)
     tree.column(4)
     place, new_rotation = tree.part("Standing", _standing_now, ground=ground, edge=edge, side=side)
     tree.column(5)
@@ -311,36 +311,46 @@ def _follow(tree: Tree, followed: Sequence[Followed]) -> Socket:
     return move.outputs[0]
 
 
-def _corner(tree: Tree, name: str, infos: Sequence[bpy.types.Node]) -> Socket:
-    """Return where a corner of every point's triangle is now, in the world."""
+def _triangle(tree: Tree, infos: Sequence[bpy.types.Node]) -> list[Socket]:
+    """Return of every point's triangle where its first corner is now, and the two edges from there, in the world."""
     position = tree.call("GeometryNodeInputPosition")
-    corner: Any = None
+    found: list[Socket] = []
     for number, info in enumerate(infos):
-        sampled = tree.add("GeometryNodeSampleIndex", data_type="FLOAT_VECTOR", domain="POINT")
-        sockets = {socket.name: socket for socket in sampled.inputs if socket.enabled}
-        tree.link(info.outputs["Geometry"], sockets["Geometry"])
-        tree.link(position, sockets["Value"])
-        tree.link(tree.attribute(name, "INT"), sockets["Index"])
-        value = next(socket for socket in sampled.outputs if socket.enabled)
-        there = tree.call("FunctionNodeTransformPoint", value, info.outputs["Transform"])
-        own = tree.compare("EQUAL", tree.attribute(TARGET, "INT"), number, "INT") if corner is not None else None
-        corner = there if corner is None else tree.switch("VECTOR", own, corner, there)
-    return corner
+        a, b, c = (_sampled(tree, info, position, name) for name in CORNERS)
+        transform = info.outputs["Transform"]
+        # Edges between places in the world would have the rounding of their coordinates, which far from its origin is as long as
+        # they are: what stands there would be turned by it.
+        own = [tree.call("FunctionNodeTransformPoint", a, transform)]
+        own += [
+            tree.call("FunctionNodeTransformDirection", tree.vector("SUBTRACT", end, a), transform) for end in (b, c)
+        ]
+        if found:
+            its = tree.compare("EQUAL", tree.attribute(TARGET, "INT"), number, "INT")
+            own = [tree.switch("VECTOR", its, *pair) for pair in zip(found, own, strict=True)]
+        found = own
+    return found
+
+
+def _sampled(tree: Tree, info: bpy.types.Node, position: Socket, name: str) -> Socket:
+    """Return where the vertex that an attribute numbers is, as the target itself sees it."""
+    sampled = tree.add("GeometryNodeSampleIndex", data_type="FLOAT_VECTOR", domain="POINT")
+    sockets = {socket.name: socket for socket in sampled.inputs if socket.enabled}
+    tree.link(info.outputs["Geometry"], sockets["Geometry"])
+    tree.link(position, sockets["Value"])
+    tree.link(tree.attribute(name, "INT"), sockets["Index"])
+    return next(socket for socket in sampled.outputs if socket.enabled)
 
 
 def _ground_now(tree: Tree) -> list[Socket]:
-    """Return the points of triangles where objects stand now, and the two edges from the first corner."""
-    a, b, c, weights = (tree.inputs[name] for name in ("a", "b", "c", "weights"))
-    edge = tree.vector("SUBTRACT", b, a)
-    side = tree.vector("SUBTRACT", c, a)
+    """Return the points of triangles where objects stand now."""
     # From one corner: far from the origin sums of whole coordinates would lose what differences keep.
-    ground: Any = a
-    for way, weight in zip((edge, side), tree.parts(weights)[1:], strict=True):
-        ground = tree.vector("ADD", ground, tree.scaled(way, weight))
+    ground: Any = tree.inputs["corner"]
+    for name, weight in zip(("edge", "side"), tree.parts(tree.inputs["weights"])[1:], strict=True):
+        ground = tree.vector("ADD", ground, tree.scaled(tree.inputs[name], weight))
     before = tree.attribute(GROUND_POINT, "FLOAT_VECTOR")
     moved = tree.vector("LENGTH", tree.vector("SUBTRACT", ground, before))
     rounding = tree.math("MULTIPLY", tree.vector("LENGTH", before), ROUNDING)
-    return [tree.switch("VECTOR", tree.compare("GREATER_THAN", moved, rounding), before, ground), edge, side]
+    return [tree.switch("VECTOR", tree.compare("GREATER_THAN", moved, rounding), before, ground)]
 
 
 def _standing_now(tree: Tree) -> list[Socket]:

@@ -72,3 +72,62 @@ def test_some_bodies_of_a_placement_can_be_fixed(placement):
 def test_assets_that_are_no_table_are_said(placement, tmp_path):
     with pytest.raises(esh.EshError, match="`assets` must be a dict"):
         esh.write_placement(tmp_path / "a.glb", placement, assets=["a"])
+
+
+@pytest.mark.parametrize("wrong", [True, 3, "x", np.array(3), [[1, 2], [3]]], ids=repr)
+def test_what_no_argument_can_be_is_said(placement, wrong, tmp_path):
+    problem = placement.problem
+    for key, call in (
+        ("profile", lambda: esh.solve(problem, device="cpu", profile=wrong)),
+        ("profile", lambda: esh.Solver(problem, device="cpu", profile=wrong)),
+        ("launcher", lambda: esh.Solver(problem, launcher=wrong)),
+        ("state", lambda: esh.Solver(problem, device="cpu", state=wrong)),
+        ("flags", lambda: esh.Solver(problem, device="cpu", flags=wrong)),
+        ("progress", lambda: esh.solve_many([problem], device="cpu", workers=0, progress=wrong)),
+        ("problems", lambda: esh.solve_many(wrong, device="cpu", workers=0)),
+        ("colors", lambda: esh.draw_plan(placement, tmp_path / "a.png", colors=wrong)),
+        ("background", lambda: esh.draw_plan(placement, tmp_path / "a.png", background=wrong)),
+        ("colors", lambda: esh.write_recipe(tmp_path / "a.toml", problem, colors=wrong)),
+        ("colors", lambda: esh.write_halftone_svg(tmp_path / "a.svg", placement, colors=wrong)),
+    ):
+        with pytest.raises(esh.EshError, match=rf"`{key}(\[0\])?` must|a color is"):
+            call()
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("path", [None, b"x.png", 3, ["a"]], ids=repr)
+def test_pictures_go_to_a_path_or_an_open_file(placement, path):
+    for call in (
+        lambda: esh.draw_plan(placement, path),
+        lambda: esh.write_halftone_svg(path, placement),
+        lambda: esh.write_halftone_png(path, placement, pixels_per_metre=10.0),
+    ):
+        with pytest.raises(esh.EshError, match="`path` must be the path of"):
+            call()
+
+
+@pytest.mark.parametrize("steps", [None, 0, -1, 2.5, "x", True], ids=repr)
+def test_steps_of_a_solver_are_a_number(placement, steps):
+    with esh.Solver(placement.problem, device="cpu") as solver:
+        with pytest.raises(esh.EshError, match="`max_steps` must be a whole number"):
+            solver.run(steps)
+        with pytest.raises(esh.EshError, match="`count` must be a whole number"):
+            solver.step(steps)
+        with pytest.raises(esh.EshError, match="`progress` must be a function"):
+            solver.run(1, "x")
+        with pytest.raises(esh.EshError, match="`state` must be a State"):
+            solver.start_from(steps)
+
+
+@pytest.mark.parametrize("wrong", [3, "x", [[1, 2], [3]], 10**400], ids=lambda value: repr(value)[:9])
+def test_what_is_no_attribute_or_map_of_a_mesh_is_said(wrong):
+    corners, triangle = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]
+    for what in ({"attributes": wrong}, {"attributes": {"a": wrong}}, {"uv": wrong}):
+        with pytest.raises(esh.EshError, match=r"must (be|hold|have)"):
+            esh.SurfaceMesh(corners, triangle, **what)
+
+
+@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
+def test_a_domain_that_goes_on_beyond_its_edges_is_no_thread(boundary):
+    with pytest.raises(esh.EshError, match=rf'3,000 times longer than wide where the boundary is "{boundary}"'):
+        esh.Domain((5000.0, 1.0), boundary)

@@ -16,6 +16,7 @@ from esh.esh_scatter.api import (  # noqa: E402
 )
 from esh.esh_scatter.densities.density_source import DensityReader  # noqa: E402
 from esh.esh_scatter.densities.image_density import stored_density  # noqa: E402
+from esh.esh_scatter.densities.image_pixels import image_pixels, read_image  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -240,6 +241,47 @@ def test_every_tile_of_a_udim_image_is_read_where_it_lies(ground, stone, tmp_pat
     x, y, _ = placed(ground, stone, ImageDensity(image, mapping="UV", invert=True)).T
     assert (x >= 5.0 - 0.02).all() and (y <= 5.0 + 0.02).all()
     assert set(bpy.data.images) == before
+
+
+def write_png(path, depth, values):
+    """A PNG of 4 x 4 pixels of these red, green, blue and alpha, in 8 or 16 bits."""
+    png = pytest.importorskip("png")
+    row = [round(value * (2**depth - 1)) for value in values] * 4
+    with path.open("wb") as file:
+        png.Writer(4, 4, greyscale=False, alpha=True, bitdepth=depth).write(file, [row] * 4)
+
+
+@pytest.mark.parametrize("alpha_mode", ["STRAIGHT", "PREMUL", "CHANNEL_PACKED", "NONE"])
+@pytest.mark.parametrize("color_space", ["sRGB", "Non-Color", "Linear Rec.709"])
+@pytest.mark.parametrize("depth", [8, 16])
+def test_tiles_have_the_values_that_an_image_of_its_own_has(tmp_path, depth, color_space, alpha_mode):
+    paths = [tmp_path / f"mask.{number}.png" for number in (1001, 1002)]
+    for path, values in zip(paths, [(0.2, 0.3, 0.1, 1.0), (0.4, 0.5, 0.3, 0.6)], strict=True):
+        write_png(path, depth, values)
+    images = [bpy.data.images.load(str(path)) for path in (*paths, paths[0])]
+    tiled = images[2]
+    tiled.source = "TILED"
+    tiled.filepath = str(tmp_path / "mask.<UDIM>.png")
+    tiled.tiles.new(1002)
+    for image in images:
+        image.colorspace_settings.name, image.alpha_mode = color_space, alpha_mode
+        image.reload()
+    read = read_image(tiled, "`density`", whole=True)
+    assert tiled.file_format == "PNG"
+    assert not tiled.is_dirty
+    for single, number in zip(images, (1001, 1002), strict=False):
+        np.testing.assert_allclose(read.tiles[number], image_pixels(single, "`density`"), atol=2e-3, rtol=2e-3)
+
+
+def test_tiles_of_floating_point_numbers_go_beyond_one():
+    image = bpy.data.images.new("tiles", 8, 8, tiled=True, float_buffer=True)
+    with bpy.context.temp_override(edit_image=image):
+        bpy.ops.image.tile_add(number=1002, width=8, height=8, fill=True, float=True, color=(2.0, 2.0, 2.0, 1.0))
+    pixels = np.full(8 * 8 * 4, 3.0, np.float32)
+    image.pixels.foreach_set(pixels)
+    read = read_image(image, "`density`", whole=True)
+    np.testing.assert_allclose(read.tiles[1001][..., :3], 3.0, rtol=1e-3)
+    assert read.tiles[1002][..., :3].min() > 2.0
 
 
 def test_a_missing_tile_is_a_sentence(ground, stone, tmp_path):

@@ -9,7 +9,7 @@ bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
 from esh.esh_scatter.result.display import get_inputs, our_modifier, set_inputs  # noqa: E402
-from mathutils import Matrix  # noqa: E402
+from mathutils import Matrix, Quaternion  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -68,6 +68,27 @@ def test_a_result_that_was_just_made_stands_where_it_was_placed(scattered):
     matrix, stones = matrices(scattered.object), classes_of(scattered.object)
     for number, own in enumerate((~stones, stones)):
         np.testing.assert_allclose(matrix[own][:, :3, 3], placed.position[placed.source == number], atol=2e-5)
+
+
+@pytest.mark.parametrize("targets", [1, 2])
+def test_far_from_the_origin_it_is_not_turned_by_the_rounding_of_coordinates(targets):
+    """At the coordinates of a map the corners of triangles are rounded to half a meter in the world, and were in their edges."""
+    grounds = [hills() for _ in range(targets)]
+    for number, ground in enumerate(grounds):
+        ground.location = (500_000.0 + 20.0 * number, 5_000_000.0, 0.0)
+        ground.rotation_euler.z = 0.4
+    bpy.context.view_layer.update()
+    # The names tell apart which object is which class's.
+    tree = new_object("Tree", [(0.1, 0, 0), (-0.1, 0.12, 0), (-0.1, -0.12, 0), (0, 0, 2)], [(0, 1, 2), (0, 1, 3)])
+    stone = new_object("Stone", [(0.06, 0, 0), (-0.04, 0.05, 0), (-0.04, -0.05, 0)], [(0, 1, 2)])
+    classes = [esh.ScatterClass(name, [esh.ScatterSize("s", 60, item)]) for name, item in (("t", tree), ("s", stone))]
+    result = esh.scatter(grounds, classes, device="cpu", max_steps=3)
+    placed = result.instances
+    expected = np.array([Quaternion(q).to_matrix() for q in placed.rotation.astype(float)])
+    matrix, stones = matrices(result.object), classes_of(result.object)
+    for number, own in enumerate((~stones, stones)):
+        np.testing.assert_allclose(matrix[own][:, :3, :3], expected[placed.source == number], atol=1e-5)
+        np.testing.assert_array_equal(matrix[own][:, :3, 3], placed.position[placed.source == number])
 
 
 def test_it_moves_turns_and_grows_with_its_target(scattered):

@@ -109,7 +109,8 @@ def test_signals_during_the_run_change_nothing(folder, name):
     assert files_of(folder) == before
 
 
-def test_a_signal_while_files_are_written_leaves_the_older_ones(folder):
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
+def test_a_signal_while_files_are_written_leaves_the_older_ones(folder, name):
     # A table that takes a second.
     write(folder, 400_000)
     before = files_of(folder)
@@ -118,13 +119,18 @@ def test_a_signal_while_files_are_written_leaves_the_older_ones(folder):
     while not list(folder.glob(".*.part")):
         assert process.poll() is None and time.monotonic() < deadline
         time.sleep(0.005)
-    process.send_signal(signal.SIGTERM)
+    # Who is impatient presses Ctrl-C again, while the files are taken away.
+    for _ in range(3 if name == "SIGINT" else 1):
+        process.send_signal(getattr(signal, name))
+        time.sleep(0.02)
     status, out, err = end_of(process)
-    assert (status, out, err) == (143, "", "esh-scatter: ended by SIGTERM; nothing was written\n")
+    said = "stopped by Ctrl-C" if name == "SIGINT" else f"ended by {name}"
+    assert (status, out, err) == (128 + getattr(signal, name), "", f"esh-scatter: {said}; nothing was written\n")
     assert files_of(folder) == before
 
 
-def test_a_signal_that_a_library_swallows_while_it_writes_is_not_lost(folder):
+@pytest.mark.parametrize(("name", "said"), [("SIGTERM", "ended by SIGTERM"), ("SIGINT", "stopped by Ctrl-C")])
+def test_a_signal_that_a_library_swallows_while_it_writes_is_not_lost(folder, name, said):
     before = files_of(folder)
     script = f"""
 import os, signal, sys
@@ -133,7 +139,7 @@ def writer(path, placement, assets):
     def write(file):
         file.write(b"new")
         try:
-            os.kill(os.getpid(), signal.SIGTERM)
+            os.kill(os.getpid(), signal.{name})
             for _ in range(1000):
                 pass
         except BaseException:
@@ -144,7 +150,8 @@ sys.argv[1:] = {list(SOLVE)} + ["--max-steps", "1", "--quiet"]
 sys.exit(start.main())
 """
     finished = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=False)
-    assert (finished.returncode, finished.stderr) == (143, "esh-scatter: ended by SIGTERM; nothing was written\n")
+    status = 128 + getattr(signal, name)
+    assert (finished.returncode, finished.stderr) == (status, f"esh-scatter: {said}; nothing was written\n")
     assert files_of(folder) == before
 
 

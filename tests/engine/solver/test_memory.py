@@ -81,6 +81,12 @@ MEASURED = {
     "few bodies": "[BodyClass('a', [Size('s', 1e-4, 100)])]",
     "many bodies": "[BodyClass('a', [Size('s', 1e-6, 400_000)])]",
     "clumps": "[BodyClass('a', [Size('s', 1e-4, 100)], clustering=0.5, clump_size=0.012)]",
+    "clumps in an image": (
+        "[BodyClass('a', [Size('s', 1e-4, 3000)], 0.1 + np.random.default_rng(0).random((2500, 2500)), clustering=0.8)]"
+    ),
+    "clumps in a corner of an image": (
+        "[BodyClass('a', [Size('s', 1e-4, 100)], np.pad(np.ones((400, 400)), (0, 2600)), clustering=0.8)]"
+    ),
     "ranges": "[BodyClass(f'{k}', [Size('s', (1e-3, 1e-2), 3000)]) for k in range(6)]",
     "rare classes beside a frequent one": (
         "[BodyClass('a', [Size('s', 1e-5, 100_000)]), *(BodyClass(f'{k}', [Size('s', 1e-4, 60)]) for k in range(12))]"
