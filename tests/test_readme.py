@@ -36,8 +36,12 @@ def name_of(block: object) -> str | None:
 
 
 SCRIPTS = blocks("python")
-# Of other programs, which are run where these are installed.
-FOREIGN_SCRIPTS = blocks("py")
+# Of other programs, which are run where these are installed: heading -> what stands under it.
+FOREIGN_SCRIPTS = {
+    section.partition("\n")[0]: scripts
+    for section in TEXT["docs/pipelines.md"].split("\n## ")[1:]
+    if (scripts := re.findall(r"^```py\n(.*?)^```$", section, re.MULTILINE | re.DOTALL))
+}
 RECIPES = [block for _, block in blocks("toml")]
 (README_SCRIPT,) = [script for page, script in SCRIPTS if page == "README.md"]
 
@@ -114,39 +118,79 @@ def imported(script: str) -> set[str]:
     return found
 
 
-# What has to be there already for a script of another program, by something that it says.
+# What has to be there already for the scripts of another program, and what must be true after them.
 BEFORE = {
-    "OpaqueTerrain": """
+    "Infinigen": """
 import bpy
 
 bpy.ops.wm.read_homefile(use_empty=True)
 bpy.ops.mesh.primitive_grid_add(x_subdivisions=20, y_subdivisions=20, size=100.0)
-bpy.context.object.name = "OpaqueTerrain"
+terrain = bpy.context.object
+terrain.name = "OpaqueTerrain"
+for vertex in terrain.data.vertices:
+    vertex.co.z = 0.5 * vertex.co.x
 bpy.ops.mesh.primitive_cone_add()
 trees = bpy.data.collections.new("trees")
 trees.objects.link(bpy.context.object)
 """,
 }
+AFTER = {
+    "Infinigen": """
+placed_trees = [copy for copy in bpy.context.scene.objects if copy.name.startswith("Cone.")]
+assert len(placed_trees) == 30
+for copy in placed_trees:
+    x, y, z = copy.matrix_world.translation
+    assert abs(z - 0.5 * x) < 1e-3 and max(abs(x), abs(y)) < 50.001
+""",
+}
+ON_TERRAIN = """
+version = 1
+[surface]
+mesh = "terrain.ply"
+[[class]]
+name = "tree"
+density = 1.0
+[[class.size]]
+name = "any"
+area = 6.0
+count = 30
+"""
 
 
-@pytest.mark.parametrize(("page", "script"), FOREIGN_SCRIPTS, ids=name_of)
-def test_scripts_of_other_programs_run_where_these_are_installed(page: str, script: str, tmp_path: Path):
-    compile(script, page, "exec")
+def test_every_script_of_another_program_is_tried():
+    assert blocks("py") == [("docs/pipelines.md", script) for scripts in FOREIGN_SCRIPTS.values() for script in scripts]
+
+
+@pytest.mark.parametrize("program", FOREIGN_SCRIPTS)
+def test_scripts_of_other_programs_run_where_these_are_installed(program: str, tmp_path: Path):
+    *before, last = FOREIGN_SCRIPTS[program]
+    for script in (*before, last):
+        compile(script, program, "exec")
     # What they read of a placement is what the command line writes.
     arrays = set(re.findall(r"^\| `(\w+)` \| \(", TEXT["docs/command-line.md"], re.MULTILINE))
-    read = set(re.findall(r"\b(?:placed|scene)\[\"(\w+)\"\]", script))
-    assert read <= arrays and (read or "esh" in imported(script))
-    missing = [name for name in sorted(imported(script)) if importlib.util.find_spec(name) is None]
+    read = set(re.findall(r"\b(?:placed|scene)\[\"(\w+)\"\]", last))
+    assert read and read <= arrays
+    packages = {name for script in (*before, last) for name in imported(script)} - {"mathutils"}  # a part of bpy
+    missing = [name for name in sorted(packages) if importlib.util.find_spec(name) is None]
     if missing:
         pytest.skip(f"needs {', '.join(missing)}")
-    before = "".join(text for word, text in BEFORE.items() if word in script)
-    (tmp_path / "scenes" / "000000").mkdir(parents=True)
-    command = [sys.executable, "-m", "esh.engine.cli.command_line", "solve", "-o", "scenes/000000/placement.npz"]
+
+    def run(*command: str) -> None:
+        outcome = subprocess.run(
+            [sys.executable, *command], cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False
+        )
+        assert outcome.returncode == 0, outcome.stderr
+
+    for script in before:
+        run("-c", BEFORE.get(program, "") + script)
     recipe = ROOT / "tests" / "recipes" / "dots-of-one-size.toml"
-    subprocess.run([*command, "--quiet", "--max-steps", "2", str(recipe)], cwd=tmp_path, check=True, timeout=600)
-    command = [sys.executable, "-c", before + script, "scenes/000000"]
-    outcome = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=600)
-    assert outcome.returncode == 0, outcome.stderr
+    if (tmp_path / "terrain.ply").exists():
+        recipe = tmp_path / "trees.toml"
+        recipe.write_text(ON_TERRAIN, encoding="utf-8")
+    (tmp_path / "scenes" / "000000").mkdir(parents=True)
+    command = ["-m", "esh.engine.cli.command_line", "solve", "-o", "scenes/000000/placement.npz"]
+    run(*command, "--quiet", "--max-steps", "2", str(recipe))
+    run("-c", BEFORE.get(program, "") + last + AFTER.get(program, ""), "scenes/000000")
 
 
 @pytest.mark.parametrize("recipe", RECIPES, ids=["bodies", "inks", "what is there", "surface"])
