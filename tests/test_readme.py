@@ -11,6 +11,7 @@ import tomllib
 from itertools import pairwise
 from pathlib import Path
 
+import esh
 import numpy as np
 import pytest
 
@@ -266,6 +267,28 @@ def test_the_reference_of_recipes_has_every_key():
         if isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.func.attr == "check_keys":
             known |= {argument.value for argument in call.args if isinstance(argument, ast.Constant)}
     assert documented == known
+
+
+def test_the_export_of_the_page_takes_the_objects_that_it_names(tmp_path: Path):
+    usd = pytest.importorskip("pxr.Usd")
+    words = re.search(r"^    esh-scatter (solve .*?)\n\n", TEXT["docs/exchange.md"], re.MULTILINE | re.DOTALL)[1]
+    command = words.replace("\\\n", " ").split()
+    classes = "".join(
+        f'[[class]]\nname = "{name}"\ndensity = 1.0\n[[class.size]]\nname = "{size}"\narea = 1.0\ncount = 9\n'
+        for name, size in (("pine", "any"), ("beech", "old"))
+    )
+    (tmp_path / "forest.toml").write_text(f"version = 1\n[domain]\nsize = [9.0, 9.0]\n{classes}", encoding="utf-8")
+    trees = esh.BodyClass("tree", [esh.Size("only", area=1.0, count=1)])
+    tree = esh.solve(esh.Problem(esh.Domain((2.0, 2.0)), [trees]), device="cpu", max_steps=1)
+    assets = {word.partition("=")[2] for word in command if "=" in word}
+    for asset in assets:
+        esh.write_placement(tmp_path / asset, tree)
+    run = [sys.executable, "-m", "esh.engine.cli.command_line", *command, "--max-steps", "1"]
+    outcome = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False)
+    assert outcome.returncode == 0, outcome.stderr
+    stage = usd.Stage.Open(str(tmp_path / "forest.usdc"))
+    used = {Path(layer.realPath).name for layer in stage.GetUsedLayers() if not layer.anonymous}
+    assert used == {"forest.usdc"} | {asset for asset in assets if asset.endswith(".usdc")}
 
 
 def test_the_page_of_the_command_line_has_the_columns_as_they_are_written():
