@@ -224,19 +224,18 @@ def _inputs(recipe: ParsedRecipe, variations: list[Variation]) -> dict[str, byte
 
 def _open_folder(batch: Batch, recipe: ParsedRecipe, inputs: Mapping[str, bytes]) -> None:
     """Make the folder, or find that it is of the same batch."""
-    digest = hashlib.sha256(strict_json(recipe.entries))
-    for name, content in inputs.items():
-        digest.update(name.encode() + b"\0" + hashlib.sha256(content).digest())
     plan = {
         "version": 1,
-        "recipe": digest.hexdigest(),
+        "recipe": hashlib.sha256(strict_json(recipe.entries)).hexdigest(),
+        "files": {name: hashlib.sha256(content).hexdigest() for name, content in inputs.items()},
         "seeds": [batch.seeds.start, batch.seeds.stop],
         "set": list(batch.variations),
         "design": batch.design,
         "as": list(batch.endings),
         "max_steps": batch.max_steps,
     }
-    open_run_folder(batch.folder, PLAN, plan, "batch")
+    # A file that was not there is one whose scenes failed; they can be tried again once it is.
+    open_run_folder(batch.folder, PLAN, plan, "batch", growing="files")
 
 
 def _done(folder: Path) -> set[int]:
