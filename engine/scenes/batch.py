@@ -266,7 +266,8 @@ def _solve(
     if not scenes:
         return
     # Not before: a run that only collects needs no Warp.
-    from .solve_many import make_pool, quicker_device
+    from .solve_many import processes_for, quicker_device
+    from .worker_pool import WorkerPool
 
     if ray is not None:
         cluster = RayPool(ray, gpus)
@@ -276,11 +277,12 @@ def _solve(
         return
     device = quicker_device(device, charges)
     scenes = [replace(scene, device=device) for scene in scenes]
-    pool = make_pool(workers, device, len(scenes))
-    if pool is None:
+    many = processes_for(workers, device, len(scenes), charges)
+    if not many.workers:
         for scene in scenes:
             yield scene, carry_out(solved_scene, (scene,))
         return
+    pool = WorkerPool(many.workers, many.threads, environments=many.environments)
     for number, answer in pool.map(solved_scene, ((scene,) for scene in scenes)):
         yield scenes[number], answer
 
