@@ -138,8 +138,8 @@ class Trees:
     def _comes_near(self, tile: dict, here: np.ndarray, reach: float) -> bool:
         # On a few points of the tile, and by how far these are apart.
         share = np.linspace(0.0, 1.0, 5)
-        x = tile["low"][0] + share * (tile["high"][0] - tile["low"][0]) - math.pi * RADIUS
-        y = tile["low"][1] + share * (tile["high"][1] - tile["low"][1]) + mercator(SOUTH)
+        x = tile["low"][0] + share * (tile["high"][0] - tile["low"][0])
+        y = tile["low"][1] + share * (tile["high"][1] - tile["low"][1])
         latitude, longitude = unmapped(*(grid.ravel() for grid in np.meshgrid(x, y)))
         points = direction(latitude, longitude)
         away = RADIUS * np.arccos(np.clip(points @ here, -1.0, 1.0))

@@ -149,6 +149,29 @@ def test_the_zip_holds_the_package_and_its_wheels_only(zip_path: Path):
     assert zip_path.name == f"esh_scatter-{manifest['version']}-{manifest['platforms'][0]}.zip"
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the page has the sizes of the zip for Linux")
+def test_the_page_says_how_large_the_zip_is_and_what_is_in_it(zip_path: Path):
+    page = (ROOT / "docs" / "distribution.md").read_text(encoding="utf-8")
+    (whole,) = re.findall(r"The zip for Linux takes ([\d.]+) MB", page)
+    ((trimesh, own, kernels),) = re.findall(
+        r"`trimesh` takes ([\d.]+) MB, the extension itself ([\d.]+) MB, and its compiled CPU kernels ([\d.]+) MB", page
+    )
+    sizes = dict.fromkeys(("trimesh", "warp", "kernels", "own"), 0)
+    with zipfile.ZipFile(zip_path) as archive:
+        for entry in archive.infolist():
+            name = entry.filename
+            kinds = {"trimesh": "/trimesh-", "warp": "/warp_lang-", "kernels": "/prebuilt/"}
+            kind = next((kind for kind, part in kinds.items() if part in name), "own")
+            sizes[kind] += entry.compress_size
+    (of_generation,) = re.findall(r"Those for GPUs take ([\d.]+) MB for each of five\s+generations", page)
+    said = {"trimesh": trimesh, "kernels": kernels, "own": own}
+    for kind, megabytes in said.items():
+        assert sizes[kind] / 1e6 == pytest.approx(float(megabytes), rel=0.25), kind
+    # This zip was built without kernels for GPUs.
+    size = zip_path.stat().st_size / 1e6 + 5 * float(of_generation)
+    assert size == pytest.approx(float(whole), rel=0.02)
+
+
 def test_blenders_own_check_accepts_the_zip(zip_path: Path):
     spec = importlib.util.find_spec("bpy")
     (builder,) = Path(spec.submodule_search_locations[0]).glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py")

@@ -11,6 +11,7 @@ import tomllib
 from itertools import pairwise
 from pathlib import Path
 
+import esh
 import numpy as np
 import pytest
 
@@ -36,8 +37,12 @@ def name_of(block: object) -> str | None:
 
 
 SCRIPTS = blocks("python")
-# Of other programs, which are run where these are installed.
-FOREIGN_SCRIPTS = blocks("py")
+# Of other programs, which are run where these are installed: heading -> what stands under it.
+FOREIGN_SCRIPTS = {
+    section.partition("\n")[0]: scripts
+    for section in TEXT["docs/pipelines.md"].split("\n## ")[1:]
+    if (scripts := re.findall(r"^```py\n(.*?)^```$", section, re.MULTILINE | re.DOTALL))
+}
 RECIPES = [block for _, block in blocks("toml")]
 (README_SCRIPT,) = [script for page, script in SCRIPTS if page == "README.md"]
 
@@ -114,39 +119,79 @@ def imported(script: str) -> set[str]:
     return found
 
 
-# What has to be there already for a script of another program, by something that it says.
+# What has to be there already for the scripts of another program, and what must be true after them.
 BEFORE = {
-    "OpaqueTerrain": """
+    "Infinigen": """
 import bpy
 
 bpy.ops.wm.read_homefile(use_empty=True)
 bpy.ops.mesh.primitive_grid_add(x_subdivisions=20, y_subdivisions=20, size=100.0)
-bpy.context.object.name = "OpaqueTerrain"
+terrain = bpy.context.object
+terrain.name = "OpaqueTerrain"
+for vertex in terrain.data.vertices:
+    vertex.co.z = 0.5 * vertex.co.x
 bpy.ops.mesh.primitive_cone_add()
 trees = bpy.data.collections.new("trees")
 trees.objects.link(bpy.context.object)
 """,
 }
+AFTER = {
+    "Infinigen": """
+placed_trees = [copy for copy in bpy.context.scene.objects if copy.name.startswith("Cone.")]
+assert len(placed_trees) == 30
+for copy in placed_trees:
+    x, y, z = copy.matrix_world.translation
+    assert abs(z - 0.5 * x) < 1e-3 and max(abs(x), abs(y)) < 50.001
+""",
+}
+ON_TERRAIN = """
+version = 1
+[surface]
+mesh = "terrain.ply"
+[[class]]
+name = "tree"
+density = 1.0
+[[class.size]]
+name = "any"
+area = 6.0
+count = 30
+"""
 
 
-@pytest.mark.parametrize(("page", "script"), FOREIGN_SCRIPTS, ids=name_of)
-def test_scripts_of_other_programs_run_where_these_are_installed(page: str, script: str, tmp_path: Path):
-    compile(script, page, "exec")
+def test_every_script_of_another_program_is_tried():
+    assert blocks("py") == [("docs/pipelines.md", script) for scripts in FOREIGN_SCRIPTS.values() for script in scripts]
+
+
+@pytest.mark.parametrize("program", FOREIGN_SCRIPTS)
+def test_scripts_of_other_programs_run_where_these_are_installed(program: str, tmp_path: Path):
+    *before, last = FOREIGN_SCRIPTS[program]
+    for script in (*before, last):
+        compile(script, program, "exec")
     # What they read of a placement is what the command line writes.
     arrays = set(re.findall(r"^\| `(\w+)` \| \(", TEXT["docs/command-line.md"], re.MULTILINE))
-    read = set(re.findall(r"\b(?:placed|scene)\[\"(\w+)\"\]", script))
-    assert read <= arrays and (read or "esh" in imported(script))
-    missing = [name for name in sorted(imported(script)) if importlib.util.find_spec(name) is None]
+    read = set(re.findall(r"\b(?:placed|scene)\[\"(\w+)\"\]", last))
+    assert read and read <= arrays
+    packages = {name for script in (*before, last) for name in imported(script)} - {"mathutils"}  # a part of bpy
+    missing = [name for name in sorted(packages) if importlib.util.find_spec(name) is None]
     if missing:
         pytest.skip(f"needs {', '.join(missing)}")
-    before = "".join(text for word, text in BEFORE.items() if word in script)
-    (tmp_path / "scenes" / "000000").mkdir(parents=True)
-    command = [sys.executable, "-m", "esh.engine.cli.command_line", "solve", "-o", "scenes/000000/placement.npz"]
+
+    def run(*command: str) -> None:
+        outcome = subprocess.run(
+            [sys.executable, *command], cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False
+        )
+        assert outcome.returncode == 0, outcome.stderr
+
+    for script in before:
+        run("-c", BEFORE.get(program, "") + script)
     recipe = ROOT / "tests" / "recipes" / "dots-of-one-size.toml"
-    subprocess.run([*command, "--quiet", "--max-steps", "2", str(recipe)], cwd=tmp_path, check=True, timeout=600)
-    command = [sys.executable, "-c", before + script, "scenes/000000"]
-    outcome = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=600)
-    assert outcome.returncode == 0, outcome.stderr
+    if (tmp_path / "terrain.ply").exists():
+        recipe = tmp_path / "trees.toml"
+        recipe.write_text(ON_TERRAIN, encoding="utf-8")
+    (tmp_path / "scenes" / "000000").mkdir(parents=True)
+    command = ["-m", "esh.engine.cli.command_line", "solve", "-o", "scenes/000000/placement.npz"]
+    run(*command, "--quiet", "--max-steps", "2", str(recipe))
+    run("-c", BEFORE.get(program, "") + last + AFTER.get(program, ""), "scenes/000000")
 
 
 @pytest.mark.parametrize("recipe", RECIPES, ids=["bodies", "inks", "what is there", "surface"])
@@ -222,6 +267,28 @@ def test_the_reference_of_recipes_has_every_key():
         if isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.func.attr == "check_keys":
             known |= {argument.value for argument in call.args if isinstance(argument, ast.Constant)}
     assert documented == known
+
+
+def test_the_export_of_the_page_takes_the_objects_that_it_names(tmp_path: Path):
+    usd = pytest.importorskip("pxr.Usd")
+    words = re.search(r"^    esh-scatter (solve .*?)\n\n", TEXT["docs/exchange.md"], re.MULTILINE | re.DOTALL)[1]
+    command = words.replace("\\\n", " ").split()
+    classes = "".join(
+        f'[[class]]\nname = "{name}"\ndensity = 1.0\n[[class.size]]\nname = "{size}"\narea = 1.0\ncount = 9\n'
+        for name, size in (("pine", "any"), ("beech", "old"))
+    )
+    (tmp_path / "forest.toml").write_text(f"version = 1\n[domain]\nsize = [9.0, 9.0]\n{classes}", encoding="utf-8")
+    trees = esh.BodyClass("tree", [esh.Size("only", area=1.0, count=1)])
+    tree = esh.solve(esh.Problem(esh.Domain((2.0, 2.0)), [trees]), device="cpu", max_steps=1)
+    assets = {word.partition("=")[2] for word in command if "=" in word}
+    for asset in assets:
+        esh.write_placement(tmp_path / asset, tree)
+    run = [sys.executable, "-m", "esh.engine.cli.command_line", *command, "--max-steps", "1"]
+    outcome = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False)
+    assert outcome.returncode == 0, outcome.stderr
+    stage = usd.Stage.Open(str(tmp_path / "forest.usdc"))
+    used = {Path(layer.realPath).name for layer in stage.GetUsedLayers() if not layer.anonymous}
+    assert used == {"forest.usdc"} | {asset for asset in assets if asset.endswith(".usdc")}
 
 
 def test_the_page_of_the_command_line_has_the_columns_as_they_are_written():

@@ -10,7 +10,7 @@ const JOB_TYPE = {
         { key: "seeds", type: "string", default: "0:1000",
           description: "Seeds from A to B - 1, as A:B; one scene for each" },
         { key: "variations", type: "string", default: "",
-          description: "What varies, separated by spaces: class[pine].count=100:200 balance.class_separation=0.2:0.8" },
+          description: "What varies, separated by spaces: class[pine].count=100:200 balance.class_separation=normal(0.5, 0.1)" },
         { key: "parts", type: "int32", default: 10,
           description: "Into how many tasks the scenes are divided" },
         { key: "command", type: "string", default: "esh-scatter",
@@ -18,10 +18,31 @@ const JOB_TYPE = {
     ],
 };
 
+// Spaces within brackets and quotes belong to a word.
+function words(text) {
+    const found = [""];
+    let depth = 0, quote = "";
+    for (const letter of text) {
+        if (quote) {
+            quote = letter === quote ? "" : quote;
+        } else if (letter === "'" || letter === '"') {
+            quote = letter;
+        } else {
+            depth += "[{(".includes(letter) - ")}]".includes(letter);
+        }
+        if (letter.trim() || depth || quote) {
+            found[found.length - 1] += letter;
+        } else {
+            found.push("");
+        }
+    }
+    return found.filter((word) => word);
+}
+
 function compileJob(job) {
     const settings = job.settings;
     const args = ["batch", settings.recipe, "-o", settings.output, "--seeds", settings.seeds, "--quiet"];
-    for (const variation of settings.variations.split(" ").filter((word) => word)) {
+    for (const variation of words(settings.variations)) {
         args.push("--set", variation);
     }
     const collect = author.Task("table", "misc");

@@ -24,7 +24,10 @@ def add_run_options(parser: argparse.ArgumentParser, part: str, ray_note: str = 
         ray_note: What is to be known of the machines of a cluster.
     """
     parser.add_argument(
-        "--workers", metavar="N", type=whole_number(0), help="processes (default: one per processor; on a GPU: none)"
+        "--workers",
+        metavar="N",
+        type=whole_number(0),
+        help="processes (default: one per processor; on a GPU as many as it has memory for)",
     )
     parser.add_argument(
         "--ray", metavar="ADDRESS", help=f'solve on a Ray cluster: "auto", "local" or an address{ray_note}'

@@ -11,7 +11,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, NoReturn
 
 from ..errors import EshError, ProblemError
-from ..files.placement_files import WRITERS, check_ending, check_writable, one_of, placement_writer, write_files
+from ..files.placement_files import (
+    WRITERS,
+    check_assets_fit,
+    check_ending,
+    check_writable,
+    one_of,
+    placement_writer,
+    write_files,
+)
 from .argument_types import positive_number, whole_number
 from .compiled_code import ends_in_compiled_code
 from .first_signals import ENDING, INTERRUPTING
@@ -145,9 +153,7 @@ def _read(options: argparse.Namespace) -> _Asked:
         if getattr(options, option) is not None and not isinstance(problem.domain, Domain):
             raise EshError(f"--{option} draws what lies in a rectangle; {options.recipe} has a surface")
     if assets:
-        from ..files.bodies import check_assets
-
-        check_assets(problem, assets)
+        check_assets_fit(problem, assets, options.output)
     warning = cover_of(problem).warning if problem.avoid_overlap and not options.quiet else None
     if warning is not None:
         complain(f"{options.recipe}: {warning}")

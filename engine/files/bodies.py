@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ __all__ = [
     "bodies_of",
     "check_assets",
     "read_names",
+    "trial_bodies",
 ]
 
 AssetFiles = Mapping[str, str | Path | Sequence[str | Path]]
@@ -241,17 +242,15 @@ def bodies_of(placement: Placement, assets: AssetFiles | None = None) -> Bodies:
     files = check_assets(problem, assets or {})
     for c, body_class in enumerate(problem.classes):
         for s, size in enumerate(body_class.sizes):
-            label = body_class.name if len(body_class.sizes) == 1 else f"{body_class.name}/{size.name}"
             outlines = _outlines(size)
             for v, outline in enumerate(outlines):
                 own = np.flatnonzero(
                     (placement.class_index == c) & (placement.size_index == s) & (placement.variant == v)
                 )
                 index[own] = len(prototypes)
-                name = label if len(outlines) == 1 else f"{body_class.name}/{size.name}/{v}"
                 corners, height, scale[own] = _stand_in(placement, own, size, outline)
                 color = PALETTE[c % len(PALETTE)]
-                prototypes.append(Prototype(name, corners, height, color, files.get((c, s, v), ())))
+                prototypes.append(Prototype(_label(problem, c, s, v), corners, height, color, files.get((c, s, v), ())))
     return Bodies(
         position=position,
         rotation=rotation.astype(np.float32),
@@ -270,6 +269,33 @@ def bodies_of(placement: Placement, assets: AssetFiles | None = None) -> Bodies:
         variant=np.asarray(placement.variant, np.int32),
         factor=np.asarray(placement.scale, np.float64),
     )
+
+
+def trial_bodies(problem: Problem, assets: AssetFiles) -> Bodies:
+    """Return a body for every asset, all in one place: whether a format can take them is known before there is a placement.
+
+    Those of lines are stretched, since hardly two lines are equally long.
+
+    Raises:
+        EshError: See :func:`check_assets`.
+    """
+    files = check_assets(problem, assets)
+    lines = [problem.classes[c].sizes[s].kind.has_axis for c, s, _ in files]
+    still = np.zeros(len(files))
+    columns = {"x": still, "y": still, "prototype_index": np.arange(len(files)), "scale_x": np.where(lines, 2.0, 1.0)}
+    prototypes = tuple(
+        Prototype(_label(problem, *place), _capsule(1.0, 0.0), 1.0, assets=paths) for place, paths in files.items()
+    )
+    return replace(bodies_from_columns(columns, {}, "a trial"), prototypes=prototypes)
+
+
+def _label(problem: Problem, c: int, s: int, v: int) -> str:
+    """What bodies of a class, a size and one of its outlines are called; no more is said than tells them apart."""
+    body_class = problem.classes[c]
+    size = body_class.sizes[s]
+    if len(_outlines(size)) > 1:
+        return f"{body_class.name}/{size.name}/{v}"
+    return body_class.name if len(body_class.sizes) == 1 else f"{body_class.name}/{size.name}"
 
 
 def _outlines(size: Size) -> tuple[Footprint | None, ...]:

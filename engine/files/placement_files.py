@@ -20,12 +20,14 @@ from .placement_columns import is_marked, size_names
 
 if TYPE_CHECKING:
     from ..problem.placement import Placement
+    from ..problem.problem import Problem
     from .bodies import AssetFiles, Bodies
 
 __all__ = [
     "WRITERS",
     "Assets",
     "PlacementWriter",
+    "check_assets_fit",
     "check_ending",
     "check_writable",
     "one_of",
@@ -124,6 +126,22 @@ def placement_writer(path: str | Path, placement: Placement, *, assets: AssetFil
     writer.check()
     beside = Assets(assets or {}, Path(path).parent)
     return lambda file: writer.write(file, placement, beside)
+
+
+def check_assets_fit(problem: Problem, assets: AssetFiles, paths: Iterable[Path]) -> None:
+    """Find out before a run that some of these files cannot take the objects: they are written to nowhere.
+
+    Raises:
+        EshError: An asset for what is not there, or that does not exist, or that a file's format cannot refer to or take in.
+    """
+    from .bodies import trial_bodies
+
+    bodies = trial_bodies(problem, assets)
+    for path in paths:
+        body_format = FORMATS.get(check_ending(path, WRITERS))
+        if body_format is not None:
+            with open(os.devnull, "wb") as nowhere:
+                body_format.write(nowhere, bodies, path.parent)
 
 
 def check_ending(path: str | Path, endings: Iterable[str], option: str = "") -> str:

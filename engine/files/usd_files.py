@@ -49,15 +49,22 @@ def write_usd(file: BinaryIO, bodies: Bodies, folder: Path, ending: str = ".usdc
     instancer = geom.PointInstancer.Define(stage, "/World/Scatter")
     references: dict[str, Path] = {}
     targets = []
+    reach = 0.0
     for name, prototype in zip(_identifiers(bodies.prototypes), bodies.prototypes, strict=True):
         path = f"/World/Scatter/Prototypes/{name}"
         asset = prototype.asset(ENDINGS, "a USD file")
         if asset is None:
             _define_prism(stage, path, prototype)
+            reach = max(reach, float(np.hypot(np.linalg.norm(prototype.outline, axis=1).max(), prototype.height)))
         else:
+            turn, size = _measured(asset)
+            reach = max(reach, size)
             # Without a type of its own, so that it has the asset's.
-            stage.DefinePrim(path)
-            references[path] = asset
+            inner = path if turn is None else f"{path}/Asset"
+            if turn is not None:
+                geom.Xform.Define(stage, path).AddTransformOp().Set(turn)
+            stage.DefinePrim(inner)
+            references[inner] = asset
         stage.GetPrimAtPath(path).SetMetadata("displayName", prototype.name)
         targets.append(path)
     instancer.CreatePrototypesRel().SetTargets(targets)
@@ -90,23 +97,18 @@ def write_usd(file: BinaryIO, bodies: Bodies, folder: Path, ending: str = ".usdc
         primvars.CreatePrimvar(key, kind, geom.Tokens.vertex).Set(array.FromNumpy(values))
     instancer.GetPrim().CreateAttribute(KEY, sdf.ValueTypeNames.String, True).Set(bodies.names())
     if len(position):
-        instancer.CreateExtentAttr([gf.Vec3f(*map(float, corner)) for corner in _extent(bodies, position)])
+        reach *= float(np.abs(bodies.scale).max())
+        corners = position.min(axis=0) - reach, position.max(axis=0) + reach
+        instancer.CreateExtentAttr([gf.Vec3f(*map(float, corner)) for corner in corners])
     # Where nothing follows references any more: they hold only from the folder of the file.
     del stage, world, instancer, primvars
     for path, asset in references.items():
-        layer.GetPrimAtPath(path).referenceList.Prepend(sdf.Reference(_reference(sdf, asset, folder)))
+        layer.GetPrimAtPath(path).referenceList.Prepend(sdf.Reference(_reference(asset, folder)))
     # USD writes to names only, and takes the format from them.
     with tempfile.TemporaryDirectory(prefix="esh-usd-") as beside:
         exported = Path(beside) / f"bodies{ending}"
         _export(layer, exported)
         file.write(exported.read_bytes())
-
-
-def _extent(bodies: Bodies, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two corners of a box that holds all bodies, where they are at these positions."""
-    reach = max(float(np.hypot(np.abs(p.outline).max(), p.height)) for p in bodies.prototypes)
-    reach *= float(bodies.scale.max())
-    return position.min(axis=0) - reach, position.max(axis=0) + reach
 
 
 def _export(layer: Any, path: Path) -> None:
@@ -235,12 +237,30 @@ def _define_prism(stage: Any, path: str, prototype: Prototype) -> None:
     mesh.CreateExtentAttr(mesh.ComputeExtent(mesh.GetPointsAttr().Get()))
 
 
-def _reference(sdf: Any, asset: Path, folder: Path) -> str:
-    opened = sdf.Layer.FindOrOpen(str(asset.resolve()))
-    if not opened or not opened.defaultPrim:
+def _measured(asset: Path) -> tuple[Any, float]:
+    """Return what turns an asset into meters and z up, None where it is so; and how far it reaches from its origin [m].
+
+    References bring no units along. What an asset does not say is taken to be as here.
+    """
+    gf, sdf, usd, geom = (_pxr(name) for name in ("Gf", "Sdf", "Usd", "UsdGeom"))
+    layer = sdf.Layer.FindOrOpen(str(asset.resolve()))
+    if not layer or not layer.defaultPrim:
         raise EshError(
-            f"{asset} must be a USD file that has a default prim; " + ("it has none" if opened else "it is not one")
+            f"{asset} must be a USD file that has a default prim; " + ("it has none" if layer else "it is not one")
         )
+    stage = usd.Stage.Open(layer)
+    meter = float(geom.GetStageMetersPerUnit(stage)) if geom.StageHasAuthoredMetersPerUnit(stage) else 1.0
+    lies = stage.HasAuthoredMetadata("upAxis") and geom.GetStageUpAxis(stage) == geom.Tokens.y
+    turn = gf.Matrix4d().SetScale(meter)
+    if lies:
+        turn *= gf.Matrix4d().SetRotate(gf.Rotation(gf.Vec3d(1.0, 0.0, 0.0), 90.0))
+    cache = geom.BBoxCache(usd.TimeCode.EarliestTime(), [geom.Tokens.default_, geom.Tokens.render, geom.Tokens.proxy])
+    box = cache.ComputeWorldBound(stage.GetDefaultPrim()).ComputeAlignedRange()
+    far = 0.0 if box.IsEmpty() else max(box.GetCorner(corner).GetLength() for corner in range(8))
+    return (turn if lies or meter != 1.0 else None), meter * far
+
+
+def _reference(asset: Path, folder: Path) -> str:
     try:
         relative = os.path.relpath(asset.resolve(), folder.resolve())
     except ValueError:  # on another drive

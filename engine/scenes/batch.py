@@ -224,19 +224,18 @@ def _inputs(recipe: ParsedRecipe, variations: list[Variation]) -> dict[str, byte
 
 def _open_folder(batch: Batch, recipe: ParsedRecipe, inputs: Mapping[str, bytes]) -> None:
     """Make the folder, or find that it is of the same batch."""
-    digest = hashlib.sha256(strict_json(recipe.entries))
-    for name, content in inputs.items():
-        digest.update(name.encode() + b"\0" + hashlib.sha256(content).digest())
     plan = {
         "version": 1,
-        "recipe": digest.hexdigest(),
+        "recipe": hashlib.sha256(strict_json(recipe.entries)).hexdigest(),
+        "files": {name: hashlib.sha256(content).hexdigest() for name, content in inputs.items()},
         "seeds": [batch.seeds.start, batch.seeds.stop],
         "set": list(batch.variations),
         "design": batch.design,
         "as": list(batch.endings),
         "max_steps": batch.max_steps,
     }
-    open_run_folder(batch.folder, PLAN, plan, "batch")
+    # A file that was not there is one whose scenes failed; they can be tried again once it is.
+    open_run_folder(batch.folder, PLAN, plan, "batch", growing="files")
 
 
 def _done(folder: Path) -> set[int]:
@@ -267,7 +266,8 @@ def _solve(
     if not scenes:
         return
     # Not before: a run that only collects needs no Warp.
-    from .solve_many import make_pool, quicker_device
+    from .solve_many import processes_for, quicker_device
+    from .worker_pool import WorkerPool
 
     if ray is not None:
         cluster = RayPool(ray, gpus)
@@ -277,11 +277,12 @@ def _solve(
         return
     device = quicker_device(device, charges)
     scenes = [replace(scene, device=device) for scene in scenes]
-    pool = make_pool(workers, device, len(scenes))
-    if pool is None:
+    many = processes_for(workers, device, len(scenes), charges)
+    if not many.workers:
         for scene in scenes:
             yield scene, carry_out(solved_scene, (scene,))
         return
+    pool = WorkerPool(many.workers, many.threads, environments=many.environments)
     for number, answer in pool.map(solved_scene, ((scene,) for scene in scenes)):
         yield scenes[number], answer
 

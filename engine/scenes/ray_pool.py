@@ -30,6 +30,10 @@ class RayPool:
     """
 
     def __init__(self, address: str, gpus: float = 0.0, *, keep: bool = False) -> None:
+        known = address not in ("auto", "local")
+        if known:
+            # How often Ray knocks, for half a minute each time; it reads this once. Clusters of its own take a while to start.
+            os.environ.setdefault("RAY_NUM_REDIS_GET_RETRIES", "1")
         self._ray: Any = import_extra("ray", "ray", "--ray")
         self._gpus = gpus
         self._keep = keep
@@ -39,7 +43,9 @@ class RayPool:
                 self._ray.init(address=address, log_to_driver=False, logging_level="error")
             except (ConnectionError, ValueError, RuntimeError, OSError) as error:
                 text = " ".join(str(error).split())[:300]
-                raise EshError(f"there is no Ray cluster at {address!r}: {text}") from None
+                # Where a token is missing, too, Ray says no more than that it failed.
+                hint = "; one that asks for a token needs RAY_AUTH_MODE=token" if known else ""
+                raise EshError(f"there is no Ray cluster at {address!r}: {text}{hint}") from None
 
     def share(self, value: Any) -> Any:
         """Return what stands for a value that all calls get: it is sent to each machine once."""

@@ -26,7 +26,9 @@ def make_folder(folder: Path) -> None:
         raise _unusable(folder, error) from None
 
 
-def open_run_folder(folder: Path, name: str, plan: dict[str, Any], what: str, beside: Collection[str] = ()) -> None:
+def open_run_folder(
+    folder: Path, name: str, plan: dict[str, Any], what: str, beside: Collection[str] = (), growing: str = ""
+) -> None:
     """Make the folder of a run, or find that it is of the same one.
 
     Args:
@@ -35,6 +37,7 @@ def open_run_folder(folder: Path, name: str, plan: dict[str, Any], what: str, be
         plan: What was asked for, ready for JSON.
         what: What messages call a run.
         beside: Names of what may lie there before.
+        growing: The entry of the plan, a dictionary, that may hold more than it did when the run began.
 
     Raises:
         EshError: It cannot be used, or holds something else.
@@ -51,13 +54,18 @@ def open_run_folder(folder: Path, name: str, plan: dict[str, Any], what: str, be
         older = {}
     if older is None and other:
         raise EshError(f"-o {folder} must be empty or hold this {what}; it holds other files")
-    if older is None:
+    grown = growing and isinstance(older, dict) and _has_grown(older.get(growing), plan[growing])
+    if older is None or (grown and older | {growing: plan[growing]} == plan):
         write_files({path: lambda file: _write(file, strict_json(plan))})
     elif older != plan:
         differing = [key for key in plan if not isinstance(older, dict) or older.get(key) != plan[key]]
         raise EshError(
             f"-o {folder} holds another {what}, which differs in its {', '.join(differing)}; choose another folder"
         )
+
+
+def _has_grown(older: object, newer: dict[str, Any]) -> bool:
+    return isinstance(older, dict) and len(newer) > len(older) and older.items() <= newer.items()
 
 
 def _unusable(folder: Path, error: OSError) -> EshError:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,9 +17,8 @@ from ..problem.validation import check_count, check_progress, show
 from ..solve import solve, solve_on
 from .warm_pools import warm_pool
 from .worker import Failure
-from .worker_pool import WorkerPool
 
-__all__ = ["make_pool", "quicker_device", "solve_many"]
+__all__ = ["Processes", "processes_for", "quicker_device", "solve_many"]
 
 # Fewer are solved sooner in this process than others are started.
 WORTH_PROCESSES = 8
@@ -27,6 +27,20 @@ WORTH_PROCESSES = 8
 CHARGES_PER_PROCESSOR = 700
 # What a charge of the largest problem takes of a GPU's memory [bytes].
 GPU_CHARGE = 4000.0
+
+
+class Processes(NamedTuple):
+    """With how many processes problems are best solved.
+
+    Attributes:
+        workers: Their number, beside this one; 0 for this one alone.
+        threads: Of each.
+        environments: See :class:`~.worker_pool.WorkerPool`.
+    """
+
+    workers: int
+    threads: int = 1
+    environments: Sequence[Mapping[str, str]] = ()
 
 
 def solve_many(
@@ -69,8 +83,9 @@ def solve_many(
     if len(problems) >= WORTH_PROCESSES:
         device = quicker_device(device, max(problem.charge_count for problem in problems))
     answers: dict[int, Placement] = {}
-    many = _process_count(workers, device, problems)
-    if not many:
+    charges = max((problem.charge_count for problem in problems), default=0)
+    many = processes_for(workers, device, len(problems), charges)
+    if not many.workers:
         for number, problem in enumerate(problems):
             try:
                 answers[number] = solve(problem, device=device, max_steps=max_steps)
@@ -79,9 +94,7 @@ def solve_many(
             if progress is not None:
                 progress(len(answers), len(problems))
         return list(answers.values())
-    on_gpu = resolve_device(device).is_cuda
-    threads = 1 if on_gpu else max(1, core_count() // many)
-    with warm_pool(many, threads, gpu_environments(device) if on_gpu else ()) as (pool, is_warm):
+    with warm_pool(*many) as (pool, is_warm):
         calls = ((problem, device, max_steps) for problem in problems)
         for number, answer in pool.map(_solve, calls, first_alone=not is_warm):
             if isinstance(answer, Failure):
@@ -103,21 +116,14 @@ def quicker_device(device: str, charges: int) -> str:
     return "cpu" if charges <= CHARGES_PER_PROCESSOR * core_count() and _can_start() else device
 
 
-def _process_count(workers: int | None, device: str, problems: list[Problem]) -> int:
-    """Processes that problems are best solved with; 0 for this one alone. Arguments and errors as of :func:`make_pool`."""
-    pool = make_pool(workers, device, len(problems))
-    if pool is not None or workers is not None or not problems:
-        return 0 if pool is None else pool.workers
-    found = resolve_device(device)
-    if not found.is_cuda or len(problems) < WORTH_PROCESSES or not _can_start():
-        return 0
-    largest = max(problem.charge_count for problem in problems)
-    many = min(len(problems), processes_on_gpus(device, GPU_CHARGE * largest))
-    return many if many > 1 else 0
+def processes_for(workers: int | None, device: str, count: int, charges: int) -> Processes:
+    """Return the processes that ``count`` problems of at most about ``charges`` charges each are best solved with.
 
-
-def make_pool(workers: int | None, device: str, count: int) -> WorkerPool | None:
-    """Return the processes that ``count`` problems are best solved with; None for this process alone.
+    Args:
+        workers: How many, as whoever asks wants it; None chooses.
+        device: Where they are solved.
+        count: Number of problems.
+        charges: Of the largest.
 
     Raises:
         ProblemError: ``workers`` is no whole number of 0 or more.
@@ -125,13 +131,21 @@ def make_pool(workers: int | None, device: str, count: int) -> WorkerPool | None
     """
     if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 0):
         raise ProblemError(f"`workers` must be a whole number of at least 0, or None; got {show(workers)}")
-    on_cpu = resolve_device(device).is_cpu
+    on_gpu = resolve_device(device).is_cuda
+    if not _can_start():
+        return Processes(0)
     if workers is None:
-        workers = core_count() if on_cpu and count >= WORTH_PROCESSES else 0
+        workers = 0
+        if count >= WORTH_PROCESSES:
+            workers = processes_on_gpus(device, GPU_CHARGE * charges) if on_gpu else core_count()
         if workers == 1:
             workers = 0
-    workers = min(workers, count) if _can_start() else 0
-    return WorkerPool(workers, max(1, core_count() // workers)) if workers else None
+    workers = min(workers, count)
+    if not workers:
+        return Processes(0)
+    if on_gpu:
+        return Processes(workers, 1, gpu_environments(device))
+    return Processes(workers, max(1, core_count() // workers))
 
 
 def _can_start() -> bool:

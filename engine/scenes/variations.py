@@ -46,7 +46,9 @@ class Variation:
         if self.kind == "list":
             return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
         if self.kind == "normal":
-            return NormalDist(*map(float, self.values)).inv_cdf(share)
+            value = NormalDist(*map(float, self.values)).inv_cdf(share)
+            # As of a range: counts are whole numbers.
+            return round(value) if all(isinstance(v, int) for v in self.values) else value
         low, high = self.values
         if isinstance(low, int) and isinstance(high, int):
             return low + min(int(share * (high - low + 1)), high - low)
@@ -93,7 +95,7 @@ def parse_variation(text: str) -> Variation:
             raise EshError(f"--set {key}: a range must have at least 2 values; got {values!r}")
         return Variation(key, "range", (low, high), count)
     if match := NORMAL.fullmatch(values):
-        mean, deviation = float(match[1]), float(match[2])
+        mean, deviation = (_number(match[group]) for group in (1, 2))
         if deviation <= 0.0:
             raise EshError(f"--set {key}: a standard deviation must be above 0; got {values!r}")
         return Variation(key, "normal", (mean, deviation))

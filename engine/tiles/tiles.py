@@ -48,7 +48,7 @@ from .stages import (
     part_path,
     stage_names,
 )
-from .tile_files import TILE_WRITERS, check_tile_ending, tile_name
+from .tile_files import TILE_WRITERS, check_tile_ending, tile_name, world_position
 from .window import spread_rare
 
 __all__ = ["STEPS", "TileState", "solve_tiles"]
@@ -472,13 +472,15 @@ def _write_index(run: TileRun, plan: Plan) -> None:
     tiles = []
     for number in range(columns * rows):
         box = plan.layout.box((0.0, 0.0), number)
+        # As the positions in its file.
+        low, high = world_position(plan, np.array([box.low, box.high])).tolist()
         tiles.append(
             {
                 "file": tile_name(plan, number, run.ending),
                 "column": number % columns,
                 "row": number // columns,
-                "low": list(box.low),
-                "high": list(box.high),
+                "low": low,
+                "high": high,
             }
         )
     listed = {

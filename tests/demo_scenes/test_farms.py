@@ -27,6 +27,8 @@ area = 0.02
 count = 20
 """
 VARIED = "class[pine].size[1].count=10:40"
+# A value with a space, as the pages have it.
+SPACED = "regularity=normal(0.5, 0.1)"
 
 parquet = pytest.importorskip("pyarrow.parquet")
 pytest.importorskip("tomli_w")
@@ -53,19 +55,33 @@ def hashes(folder: Path) -> list[str]:
 
 @pytest.fixture
 def expected(folder) -> list[str]:
-    words = ["batch", "forest.toml", "-o", "alone", "--seeds", "0:3", "--set", VARIED, "--max-steps", "3"]
+    words = [
+        "batch",
+        "forest.toml",
+        "-o",
+        "alone",
+        "--seeds",
+        "0:3",
+        "--set",
+        VARIED,
+        "--set",
+        SPACED,
+        "--max-steps",
+        "3",
+    ]
     assert command_line.main([*words, "--device", "cpu", "--workers", "0", "--quiet"]) == 0
     return hashes(folder / "alone")
 
 
 @pytest.mark.skipif(not shutil.which("bash") or os.name != "posix", reason="needs bash")
 def test_a_slurm_array_shares_the_scenes(folder, expected):
-    command = ["bash", FARMS / "batch.slurm.sh", "forest.toml", "out", "0:3", "--set", VARIED, "--max-steps", "3"]
+    command = ["bash", FARMS / "batch.slurm.sh", "forest.toml", "the team's out", "0:3", "--set", VARIED]
+    command += ["--set", SPACED, "--max-steps", "3"]
     for task in (4, 3):
-        assert not (folder / "out" / "manifest.parquet").exists()
+        assert not (folder / "the team's out" / "manifest.parquet").exists()
         array = {"SLURM_ARRAY_TASK_MIN": "3", "SLURM_ARRAY_TASK_COUNT": "2", "SLURM_ARRAY_TASK_ID": str(task)}
         subprocess.run(command, check=True, env=os.environ | array, timeout=120)
-    assert hashes(folder / "out") == expected
+    assert hashes(folder / "the team's out") == expected
 
 
 @pytest.mark.skipif(importlib.util.find_spec("openjd") is None, reason="openjd-cli is not installed")
@@ -76,9 +92,9 @@ def test_the_open_job_description_is_valid_and_runs(folder, expected):
     subprocess.run([*openjd, "check", template], check=True, capture_output=True, timeout=60)
     values = {
         "Recipe": folder / "forest.toml",
-        "Output": folder / "out",
+        "Output": folder / "the team's out",
         "Seeds": "0:3",
-        "Options": f"--set {VARIED} --max-steps 3",
+        "Options": f"--set {VARIED} --set '{SPACED}' --max-steps 3",
         "Parts": 2,
     }
     words = [word for name, value in values.items() for word in ("-p", f"{name}={value}")]
@@ -86,12 +102,18 @@ def test_the_open_job_description_is_valid_and_runs(folder, expected):
         [*openjd, "run", template, *words], capture_output=True, text=True, timeout=300, check=False
     )
     assert outcome.returncode == 0, outcome.stdout[-3000:] + outcome.stderr[-2000:]
-    assert hashes(folder / "out") == expected
+    assert hashes(folder / "the team's out") == expected
 
 
 @pytest.mark.skipif(not shutil.which("node"), reason="needs Node.js, which runs the job type as Flamenco does")
 def test_the_flamenco_job_type_makes_tasks_that_run(folder, expected):
-    settings = {"recipe": "forest.toml", "output": "out", "seeds": "0:3", "variations": VARIED, "parts": 2}
+    settings = {
+        "recipe": "forest.toml",
+        "output": "out",
+        "seeds": "0:3",
+        "variations": f"{VARIED}  {SPACED}",
+        "parts": 2,
+    }
     program = f"""
 const tasks = [];
 class Task {{

@@ -382,16 +382,24 @@ def test_long_runs_take_the_same_options(folder, capfd, command, words, expected
     assert not (folder / "out").exists()
 
 
-def test_assets_are_checked_before_the_run(folder, capfd):
+def test_assets_are_checked_before_the_run(folder, capfd, monkeypatch):
+    pytest.importorskip("pxr.Usd")
+    monkeypatch.setattr("esh.engine.cli.solve_command._run", lambda *_: pytest.fail("a run has begun"))
     (folder / "pine.glb").write_bytes(b"")
+    (folder / "bare.usda").write_text('#usda 1.0\ndef Sphere "a" {}\n')
     for words, complaint in (
         (["--asset", "pine"], "must be CLASS=FILE or CLASS/SIZE=FILE; got 'pine'"),
         (["--asset", "oak=pine.glb"], "an asset must be for a class or a size (pine/large, pine/small, beech/only)"),
         (["--asset", "pine/large=absent.glb"], "absent.glb cannot be read: there is no such file"),
         (["--asset", "pine=pine.glb", "-o", "pine.glb"], "would overwrite pine.glb, which this run reads"),
+        (["--asset", "pine=pine.glb"], "pine.glb must be a binary glTF 2 file (.glb); it is something else"),
+        (["--asset", "pine=bare.usda"], 'the asset of "pine/large" for a .glb file must end in .glb; got bare.usda'),
+        (["--asset", "beech=bare.usda", "-o", "b.usd"], 'the asset of "beech" for a .glb file must end in .glb'),
+        (["--asset", "beech=bare.usda", "-o", "b.usda"], "bare.usda must be a USD file that has a default prim"),
     ):
+        first = [] if words[-1] == "b.usda" else ["-o", "a.glb"]
         try:
-            status = solve("-o", "a.glb", *words)
+            status = solve(*first, *words)
         except SystemExit as left:
             status = left.code
         assert status == 2

@@ -151,6 +151,47 @@ def test_usd_opens_with_units_axes_and_transforms(tmp_path, placement):
     ).all()
 
 
+def test_assets_of_usd_bring_their_units_and_axes(tmp_path, placement):
+    pytest.importorskip("pxr.Usd")
+    from pxr import Usd, UsdGeom
+
+    # Three meters high, as a program writes it that counts in centimeters and has y up; a meter that says nothing of itself.
+    for name, meters, height in (("their.usda", 0.01, 300.0), ("plain.usda", None, 1.0)):
+        tree = Usd.Stage.CreateNew(str(tmp_path / name))
+        if meters:
+            UsdGeom.SetStageUpAxis(tree, "Y")
+            UsdGeom.SetStageMetersPerUnit(tree, meters)
+        tree.SetDefaultPrim(UsdGeom.Xform.Define(tree, "/Tree").GetPrim())
+        trunk = UsdGeom.Mesh.Define(tree, "/Tree/Trunk")
+        top = (0.0, height, 0.0) if meters else (0.0, 0.0, height)
+        trunk.CreatePointsAttr([(0, 0, 0), (height / 10.0, 0, 0), top])
+        trunk.CreateFaceVertexCountsAttr([3])
+        trunk.CreateFaceVertexIndicesAttr([0, 1, 2])
+        trunk.CreateExtentAttr(UsdGeom.Mesh.ComputeExtent(trunk.GetPointsAttr().Get()))
+        tree.Save()
+    assets = {"pine, old/large": tmp_path / "their.usda", "Bärlauch 木": tmp_path / "plain.usda"}
+    esh.write_placement(tmp_path / "out.usd", placement, assets=assets)
+
+    stage = Usd.Stage.Open(str(tmp_path / "out.usd"))
+    instancer = UsdGeom.PointInstancer(stage.GetPrimAtPath("/World/Scatter"))
+    bounds = UsdGeom.BBoxCache(Usd.TimeCode.Default(), ["default"])
+    sizes = {}
+    for target in instancer.GetPrototypesRel().GetTargets():
+        prim = stage.GetPrimAtPath(target)
+        sizes[prim.GetDisplayName()] = list(bounds.ComputeWorldBound(prim).ComputeAlignedRange().GetSize())
+    np.testing.assert_allclose(sizes["pine, old/large"], [0.3, 0.0, 3.0], atol=1e-6)
+    np.testing.assert_allclose(sizes["Bärlauch 木"], [0.1, 0.0, 1.0], atol=1e-6)
+    # The instancer's extent, by which viewers hide what is out of sight, holds all that stands there.
+    low, high = np.array(instancer.GetExtentAttr().Get())
+    measured = np.array(
+        UsdGeom.PointInstancer.ComputeExtentFromPlugins(UsdGeom.Boundable(instancer), Usd.TimeCode.Default())
+    )
+    assert (low <= measured[0]).all() and (high >= measured[1]).all() and measured[1][2] > 3.0 - 1e-5
+    # The prototypes are found again by the names that they had.
+    names = [prototype.name for prototype in esh.load_placement(tmp_path / "out.usd").prototypes]
+    assert names == [prototype.name for prototype in bodies_of(placement).prototypes]
+
+
 def test_usd_of_others_becomes_meters_and_z_up(tmp_path):
     pytest.importorskip("pxr.Usd")
     from pxr import Gf, Usd, UsdGeom

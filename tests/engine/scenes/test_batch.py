@@ -169,6 +169,21 @@ def test_scenes_that_fail_are_listed_and_the_others_made(recipe, tmp_path, capfd
     assert "(2 in this run)" in capfd.readouterr().out
 
 
+def test_scenes_that_lacked_a_file_are_tried_again_once_it_is_there(recipe, tmp_path):
+    def run(folder: Path, **more):
+        variations = ["class[pine].density=images/pine.png,late.png"]
+        return run_batch(
+            Batch(recipe, folder, range(2), variations, "grid", max_steps=3), device="cpu", workers=0, **more
+        )
+
+    assert set(run(tmp_path / "out").failed) == {2, 3}
+    Image.fromarray(np.full((4, 4), 9, np.uint8)).save(recipe.parent / "late.png")
+    state = run(tmp_path / "out", retry=True)
+    assert (state.made, dict(state.failed)) == (2, {})
+    run(tmp_path / "whole")
+    assert contents(tmp_path / "out") == contents(tmp_path / "whole")
+
+
 def test_a_machine_without_the_recipe_s_folder_makes_the_same(recipe, tmp_path):
     from dataclasses import replace
 
@@ -232,7 +247,7 @@ def test_another_batch_in_the_folder_is_not_touched(recipe, tmp_path):
         with pytest.raises(EshError, match=complaint):
             change()
     Image.fromarray(np.full((4, 4), 9, np.uint8)).save(recipe.parent / "images" / "pine.png")
-    with pytest.raises(EshError, match="differs in its recipe"):
+    with pytest.raises(EshError, match="differs in its files"):
         make(recipe, tmp_path / "out", range(2))
     assert contents(tmp_path / "out") == before
     (tmp_path / "mine").mkdir()

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
+import subprocess
+import sys
 import threading
 import time
 
@@ -53,3 +56,12 @@ def test_no_cluster_is_one_sentence():
     with pytest.raises(EshError, match="there is no Ray cluster at 'auto'"):
         RayPool("auto")
     assert time.monotonic() - start < 60.0
+
+
+@pytest.mark.slow
+def test_an_address_at_which_nobody_answers_is_told_after_one_attempt():
+    """Ray alone tries for more than five minutes. In a process of its own, since it reads how often once."""
+    program = "from esh.engine.scenes.ray_pool import RayPool; RayPool('127.0.0.1:1')"
+    outcome = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=150, check=False)
+    said = outcome.stderr.strip().splitlines()[-1]
+    assert re.search(r"there is no Ray cluster at '127\.0\.0\.1:1': .*; .* a token needs RAY_AUTH_MODE=token$", said)

@@ -122,3 +122,36 @@ def test_many_small_problems_are_solved_on_the_processors_even_where_there_is_a_
     # Whoever names a device gets it.
     for named in ("cpu", "cuda:0"):
         assert solving_many.quicker_device(named, charges) == named
+
+
+@pytest.mark.parametrize(
+    ("count", "workers", "expected"), [(100, None, 4), (3, None, 0), (100, 2, 2), (100, 0, 0), (2, 5, 2)]
+)
+def test_batches_on_a_gpu_have_processes_that_share_it(count, workers, expected, monkeypatch, tmp_path):
+    from esh.engine.scenes import batch, worker_pool
+    from esh.engine.scenes.worker import Failure
+
+    monkeypatch.setattr(solving_many, "resolve_device", lambda name: SimpleNamespace(is_cuda=True))
+    asked = []
+    monkeypatch.setattr(solving_many, "processes_on_gpus", lambda name, each: asked.append((name, each)) or 4)
+    monkeypatch.setattr(solving_many, "gpu_environments", lambda name: [{"CUDA_VISIBLE_DEVICES": "7"}])
+    many = solving_many.processes_for(workers, "cuda", count, 1000)
+    assert many.workers == expected and many.threads == 1
+    assert list(many.environments) == ([{"CUDA_VISIBLE_DEVICES": "7"}] if expected else [])
+    assert asked == ([("cuda", 1000 * solving_many.GPU_CHARGE)] if count == 100 and workers is None else [])
+
+    # A batch starts as many.
+    started = []
+
+    class Pool:
+        def __init__(self, *arguments, **more):
+            started.append((arguments, more))
+
+        def map(self, function, calls):
+            return ((number, Failure("", True)) for number, _ in enumerate(calls))
+
+    monkeypatch.setattr(worker_pool, "WorkerPool", Pool)
+    monkeypatch.setattr(batch, "carry_out", lambda *_: Failure("", True))
+    scene = batch.Scene(0, 0, {}, None, tmp_path, tmp_path, "cuda", 1, (".npz",))
+    assert len(list(batch._solve([scene] * count, {}, 1000, "cuda", workers, None, 0.0))) == count
+    assert started == ([((expected, 1), {"environments": many.environments})] if expected else [])

@@ -25,6 +25,7 @@ RECIPE = {
         ("a = 0.5 : 2e1", "range", (0.5, 20.0)),
         ("a=-1:1.5:4", "range", (-1, 1.5)),
         ("a=normal(0.5, 1e-2)", "normal", (0.5, 0.01)),
+        ("a=normal(300, 50)", "normal", (300, 50)),
         ("a=1, 2.5,true", "list", (1, 2.5, True)),
         ("a=left.png,right side.png", "list", ("left.png", "right side.png")),
         ('a="x,y",z', "list", ("x,y", "z")),
@@ -58,16 +59,18 @@ def test_what_has_no_meaning_is_said(text, complaint):
 
 
 def test_a_latin_hypercube_draws_every_share_once():
-    variations = [parse_variation(text) for text in ("x=0.0:1.0", "y=normal(3, 2)", "z=1:4", "w=a,b")]
+    variations = [parse_variation(text) for text in ("x=0.0:1.0", "y=normal(300, 20)", "z=1:4", "w=a,b")]
     scenes = list(scene_parameters(variations, range(100, 180), "latin"))
     assert [seed for seed, _ in scenes] == list(range(100, 180))
     x = np.array([values["x"] for _, values in scenes])
     np.testing.assert_array_equal(np.sort((80 * x).astype(int)), np.arange(80))
     y = np.array([values["y"] for _, values in scenes])
-    assert y.mean() == pytest.approx(3.0, abs=0.05) and y.std() == pytest.approx(2.0, rel=0.05)
+    assert y.mean() == pytest.approx(300.0, abs=0.5) and y.std() == pytest.approx(20.0, rel=0.05)
     assert np.bincount([values["z"] for _, values in scenes]).tolist() == [0, 20, 20, 20, 20]
     assert sorted(values["w"] for _, values in scenes) == ["a"] * 40 + ["b"] * 40
     assert abs(np.corrcoef(x, y)[0, 1]) < 0.3
+    # As ranges do, normal distributions of whole numbers give whole numbers: a count can be no other.
+    assert {type(values[key]) for _, values in scenes for key in "yz"} == {int}
     # Another key more changes nothing of the others.
     fewer = list(scene_parameters(variations[:1], range(100, 180), "latin"))
     assert [values["x"] for _, values in fewer] == x.tolist()

@@ -314,6 +314,12 @@ def test_geoparquet_says_where_the_world_is(recipe, tmp_path):
     # 128 pixels of 5 m over 64 m of the domain, the lower left corner at (1000, 7520).
     assert (place.min(axis=0) >= [1000.0, 7520.0]).all()
     assert np.ptp(place, axis=0) == pytest.approx([640.0, 480.0], rel=0.03)
+    # The list of the tiles has their corners in the same coordinates.
+    index = json.loads((tmp_path / "geo" / "index.json").read_text())["tiles"]
+    for tile, table in zip(index, tables, strict=True):
+        there = np.array([[p["x"], p["y"]] for p in table["geometry"].to_pylist()])
+        assert (there >= tile["low"]).all() and (there <= tile["high"]).all()
+    assert [index[0]["low"], index[-1]["high"]] == [[1000.0, 7520.0], [1640.0, 8000.0]]
     back = esh.load_placement(sorted((tmp_path / "geo").glob("tile-*.parquet"))[0])
     assert np.array_equal(back.position[:, :2], place[: len(back.position)])
     assert back.class_name == ("pine", "beech")
