@@ -269,6 +269,8 @@ class ScatterObjects(_Run):
         soft_max=100_000,
     )
     class_separation: property_of(_SETTINGS["class_separation"])
+    # Nobody who drops a selection on a terrain asks for hedges along its edges.
+    boundary: property_of(_SETTINGS["boundary"], default="NATURAL")
     seed: property_of(_SETTINGS["seed"])
 
     @classmethod
@@ -294,7 +296,7 @@ class ScatterObjects(_Run):
         """Draw the panel of the last operation."""
         layout = self.layout
         layout.use_property_split = True
-        for name in ("cover", "most", "class_separation", "seed"):
+        for name in ("cover", "most", "class_separation", "boundary", "seed"):
             layout.prop(self, name)
 
     def _first(self, context: bpy.types.Context) -> "SelectionSurvey":
@@ -324,7 +326,9 @@ class ScatterObjects(_Run):
         counts = pleasant_counts([one.area for one in measured], found.area, self.cover, self.most)
         scatter = context.scene.esh_scatter.add_scatter(stood_on(context.view_layer.objects.active))
         add_classes(scatter, measured, counts)
-        scatter.class_separation, scatter.seed, scatter.class_index = self.class_separation, self.seed, 0
+        for name in ("class_separation", "boundary", "seed"):
+            setattr(scatter, name, getattr(self, name))
+        scatter.class_index = 0
         self._made = scatter.name
         return scatter
 

@@ -1,5 +1,7 @@
 """From selected objects to a scatter: classes, counts, and what the buttons do with many classes."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -72,10 +74,24 @@ def test_what_has_its_origin_in_its_middle_stands_on_its_lowest_point(ground, ob
 
 def test_cover_most_mixing_and_seed_can_be_tuned(ground, objects):
     select(*objects, ground, active=ground)
-    bpy.ops.esh.scatter_selection(cover=0.05, most=60, class_separation=0.9, seed=5)
+    bpy.ops.esh.scatter_selection(cover=0.05, most=60, class_separation=0.9, boundary="OPEN", seed=5)
     scatter = bpy.context.scene.esh_scatter.active
+    assert scatter.boundary == "OPEN"
     assert sum(c.count for c in scatter.classes) == pytest.approx(60, abs=2)
     assert (scatter.seed, scatter.class_separation) == (5, pytest.approx(0.9))
+
+
+def test_nothing_lines_up_along_the_edges(ground, objects):
+    select(objects[2], ground, active=ground)
+    side, crowding = 20.0, {}
+    for boundary in ({}, {"boundary": "OPEN"}):
+        bpy.ops.esh.scatter_selection(cover=0.02, **boundary)
+        place = np.array([vertex.co[:2] for vertex in bpy.context.scene.esh_scatter.active.result.data.vertices])
+        spacing = side / math.sqrt(len(place))
+        edges = 0.2 * spacing * np.arange(11)
+        even = np.diff(side**2 - (side - 2.0 * edges) ** 2) / spacing**2
+        crowding[not boundary] = (np.histogram(np.minimum(place, side - place).min(axis=1), edges)[0] / even).max()
+    assert crowding[True] < 2.0 < crowding[False], "a hedge has several times as many as there is ground"
 
 
 def test_with_only_the_ground_selected_the_active_collection_is_placed(ground, objects):

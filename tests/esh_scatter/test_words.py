@@ -78,3 +78,9 @@ def test_what_lies_where_it_is_not_to_lie_is_in_the_one_line():
     for part in ("1 overlap among pinned", "2 in obstacles", "3 across the border"):
         assert part in words.summary(told)
     assert words.notes(told)[0].startswith("1 pair of pinned objects overlaps")
+
+
+def test_a_rule_is_left_out_before_what_was_given():
+    said = 'Density of class "Bush" must be above 0 somewhere; image "Bush" is 0 everywhere: paint it'
+    assert words.behind_rule(said) == 'Image "Bush" is 0 everywhere: paint it'
+    assert words.behind_rule("The target was deleted") == "The target was deleted"
