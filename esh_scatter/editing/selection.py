@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import bpy
@@ -83,9 +84,11 @@ class SelectionSurvey:
         ground: The mesh to scatter on, or a collection of some.
         items: What to place.
         context: Whose view layer.
+        settings: Which part of the ground. Where nothing of it is seen from above, a wall for example, it is the whole surface.
 
     Attributes:
         device: Where it runs.
+        settings: Which part of the ground is scattered on, once it is solved.
         survey: What it has worked out, for the run that follows.
         area: Of the ground [m²], once it is solved.
 
@@ -100,9 +103,11 @@ class SelectionSurvey:
         ground: bpy.types.Object | bpy.types.Collection | None,
         items: Sequence[bpy.types.Object | bpy.types.Collection],
         context: bpy.types.Context,
+        settings: TargetSettings | None = None,
     ) -> None:
         objects, _ = check_targets(ground, context)
-        self._ground = read_targets(objects, context, set(), TargetSettings())
+        self.settings = settings or TargetSettings()
+        self._ground = read_targets(objects, context, set(), self.settings)
         self._items = [_read(item, context) for item in items]
         self._outlines: list[Outline | None] = []
         self.survey = Survey()
@@ -112,9 +117,14 @@ class SelectionSurvey:
         """Work it out; touches nothing of Blender.
 
         Raises:
-            EshError: The ground is not seen from above.
+            EshError: The ground has no surface.
         """
-        self.area = float(np.sum(self.survey.begin(self._ground, TargetSettings()).area))
+        try:
+            chart = self.survey.begin(self._ground, self.settings)
+        except ProblemError:
+            self.settings = replace(self.settings, surface="whole")
+            chart = self.survey.begin(self._ground, self.settings)
+        self.area = float(np.sum(chart.area))
         for _, _, mesh in self._items:
             try:
                 self._outlines.append(None if mesh is None else self.survey.outline(mesh, "`area`"))

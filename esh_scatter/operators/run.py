@@ -12,11 +12,11 @@ import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
 from ...engine.errors import EshError, ProblemError
-from ...engine.problem.scatter_settings import ScatterSettings
+from ...engine.problem.scatter_settings import ScatterSettings, TargetSettings
 from ...engine.problem.settings import settings_of
 from ..editing.amount_ahead import bodies_ahead, question
 from ..editing.forecast import scale_counts
-from ..properties.described import property_of
+from ..properties.described import identifier_of, property_of, value_of
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import words
@@ -268,6 +268,7 @@ class ScatterObjects(_Run):
         min=1,
         soft_max=100_000,
     )
+    surface: property_of(_SETTINGS["surface"])
     class_separation: property_of(_SETTINGS["class_separation"])
     # Nobody who drops a selection on a terrain asks for hedges along its edges.
     boundary: property_of(_SETTINGS["boundary"], default="NATURAL")
@@ -296,13 +297,14 @@ class ScatterObjects(_Run):
         """Draw the panel of the last operation."""
         layout = self.layout
         layout.use_property_split = True
-        for name in ("cover", "most", "class_separation", "boundary", "seed"):
+        for name in ("cover", "most", "surface", "class_separation", "boundary", "seed"):
             layout.prop(self, name)
 
     def _first(self, context: bpy.types.Context) -> "SelectionSurvey":
         from ..editing.selection import SelectionSurvey
 
-        return SelectionSurvey(stood_on(context.view_layer.objects.active), self._sources(context), context)
+        settings = TargetSettings(surface=value_of(_SETTINGS["surface"], self.surface))
+        return SelectionSurvey(stood_on(context.view_layer.objects.active), self._sources(context), context, settings)
 
     def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
         from ..editing.selection import add_classes, pleasant_counts
@@ -317,6 +319,7 @@ class ScatterObjects(_Run):
                 return None
         # The panel of the last operation looks again.
         self._found = None
+        self.surface = identifier_of(_SETTINGS["surface"], found.settings.surface)
         measured, flat = found.measured()
         if flat:
             self.report({"WARNING"}, f"Left out, because they cover no ground when seen from above: {', '.join(flat)}")
@@ -326,7 +329,7 @@ class ScatterObjects(_Run):
         counts = pleasant_counts([one.area for one in measured], found.area, self.cover, self.most)
         scatter = context.scene.esh_scatter.add_scatter(stood_on(context.view_layer.objects.active))
         add_classes(scatter, measured, counts)
-        for name in ("class_separation", "boundary", "seed"):
+        for name in ("surface", "class_separation", "boundary", "seed"):
             setattr(scatter, name, getattr(self, name))
         scatter.class_index = 0
         self._made = scatter.name

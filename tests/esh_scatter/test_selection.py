@@ -94,6 +94,28 @@ def test_nothing_lines_up_along_the_edges(ground, objects):
     assert crowding[True] < 2.0 < crowding[False], "a hedge has several times as many as there is ground"
 
 
+def test_walls_and_balls_are_scattered_on_all_over(objects):
+    """Of a wall nothing is seen from above; which part of others is meant, the panel of the last operation asks."""
+    bpy.ops.mesh.primitive_plane_add(size=8.0, rotation=(math.pi / 2.0, 0.0, 0.0))
+    wall = bpy.context.object
+    select(objects[2], wall, active=wall)
+    assert bpy.ops.esh.scatter_selection(cover=0.02) == {"FINISHED"}
+    scatter = bpy.context.scene.esh_scatter.active
+    assert scatter.surface == "WHOLE" and not scatter.outdated
+    assert sum(0.01 * c.count for c in scatter.classes) == pytest.approx(0.02 * 64.0, rel=0.02)
+    z = np.array([vertex.co.z for vertex in scatter.result.data.vertices])
+    assert np.ptp(z) > 7.0
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=2.0)
+    ball, low = bpy.context.object, {}
+    select(objects[2], ball, active=ball)
+    for surface in ("ABOVE", "WHOLE"):
+        bpy.ops.esh.scatter_selection(cover=0.02, surface=surface)
+        scatter = bpy.context.scene.esh_scatter.active
+        assert scatter.surface == surface
+        low[surface] = min(vertex.co.z for vertex in scatter.result.data.vertices)
+    assert low["WHOLE"] < -1.5 < -0.1 < low["ABOVE"]
+
+
 def test_with_only_the_ground_selected_the_active_collection_is_placed(ground, objects):
     select(ground, active=ground)
     assert not bpy.ops.esh.scatter_selection.poll()
