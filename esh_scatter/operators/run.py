@@ -268,7 +268,8 @@ class ScatterObjects(_Run):
         min=1,
         soft_max=100_000,
     )
-    surface: property_of(_SETTINGS["surface"])
+    # Of this ground: the next one is another.
+    surface: property_of(_SETTINGS["surface"], options={"SKIP_SAVE"})
     class_separation: property_of(_SETTINGS["class_separation"])
     # Nobody who drops a selection on a terrain asks for hedges along its edges.
     boundary: property_of(_SETTINGS["boundary"], default="NATURAL")

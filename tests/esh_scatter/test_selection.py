@@ -114,6 +114,7 @@ def test_walls_and_balls_are_scattered_on_all_over(objects):
         assert scatter.surface == surface
         low[surface] = min(vertex.co.z for vertex in scatter.result.data.vertices)
     assert low["WHOLE"] < -1.5 < -0.1 < low["ABOVE"]
+    assert bpy.ops.esh.scatter_selection.get_rna_type().properties["surface"].is_skip_save, "the next ground is another"
 
 
 def test_with_only_the_ground_selected_the_active_collection_is_placed(ground, objects):
