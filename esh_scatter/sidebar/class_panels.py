@@ -120,7 +120,7 @@ class ESH_PT_density_more(_ClassSubPanel, bpy.types.Panel):
         if body_class.direction_kind == "ANGLE":
             column.prop(body_class, "direction_angle")
         elif body_class.direction_kind == "IMAGE":
-            draw_image(column, body_class, "direction_image")
+            draw_image(context, column, body_class, "direction_image")
         column.separator()
         draw_settings(context, column, body_class, ClassSettings, (*KEPT_APART, "look_at"))
 

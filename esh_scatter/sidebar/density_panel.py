@@ -10,7 +10,7 @@ from ..densities.density_curve import curve_node
 from ..editing.painting import unsaved_images
 from ..properties.described import shown_settings
 from . import density_preview
-from .panel_parts import draw_property, is_narrow
+from .panel_parts import draw_image, draw_property, is_narrow
 
 __all__ = ["draw_density"]
 
@@ -83,9 +83,7 @@ def _draw_source(
 ) -> None:
     kind = layer.kind
     if kind == "IMAGE":
-        row = column.row()
-        row.use_property_split = False
-        row.template_ID(layer, "image", new="image.new", open="image.open")
+        draw_image(context, column, layer, "image")
     elif kind in ("VERTEX_GROUP", "ATTRIBUTE"):
         if target is None:
             column.label(text="Choose a target first", icon="ERROR")

@@ -34,6 +34,8 @@ NARROW = 270
 MARGINS, ICON = 56, 26
 # Where Blender parts a line into a name and its field, and what a field has beside the text of a checkbox, and of a choice.
 PARTED, CHECKBOX, CHOICE = 0.42, 28, 42
+# What the buttons beside the name of an image take.
+IMAGE_BUTTONS = 150
 # What a label leaves free around its text, and how wide a unit of a layout is.
 AROUND, UNIT = 12, 20
 
@@ -110,11 +112,16 @@ def draw_property(
     row.prop(group, name, slider=slider)
 
 
-def draw_image(column: bpy.types.UILayout, group: bpy.types.PropertyGroup, name: str) -> None:
-    """Draw an image over the whole width, so that its name can be read."""
+def draw_image(
+    context: bpy.types.Context, column: bpy.types.UILayout, group: bpy.types.PropertyGroup, name: str
+) -> None:
+    """Draw an image over the whole width, and its name in a line of its own where the buttons leave no room for it."""
     row = column.row()
     row.use_property_split = False
     row.template_ID(group, name, new="image.new", open="image.open")
+    image = getattr(group, name)
+    if image is not None and text_width(context, image.name) > width_of(context) - MARGINS - IMAGE_BUTTONS:
+        column.label(text=image.name)
 
 
 def draw_settings(

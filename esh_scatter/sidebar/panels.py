@@ -170,7 +170,8 @@ class ESH_PT_obstacles(SubPanel, bpy.types.Panel):
             column.separator()
             column.prop(chosen, "kind")
             column.prop(chosen, "item" if chosen.kind == "OBJECT" else "collection")
-            column.prop(chosen, "width")
+            if chosen.has_lines:
+                column.prop(chosen, "width")
             column.prop(chosen, "margin")
         column.separator()
         column.prop(scatter, "keep_off_others")

@@ -405,6 +405,41 @@ def test_painting_ends_where_it_began():
             assert "esh.layer_paint" in drawn[other] and "object.mode_set" not in drawn[other]
 
 
+def test_the_name_of_an_image_is_readable_at_any_width():
+    body_class = ready_scatter().classes[0]
+    long, short = (bpy.data.images.new(name, 4, 4) for name in ("Forest Density Mask", "Mask"))
+    layer = body_class.add_layer("IMAGE", image=long)
+    body_class.direction_kind, body_class.direction_image = "IMAGE", long
+
+    def lines(width):
+        rows = []
+        density_panel.draw_density(shown_context(width), Layout(rows), bpy.context.scene.esh_scatter.active, body_class)
+        panel_parts.draw_image(shown_context(width), Layout(rows), body_class, "direction_image")
+        return rows.count(layer.image.name)
+
+    assert (lines(280), lines(500)) == (3, 1), "the list of layers shows it in any case"
+    layer.image = body_class.direction_image = short
+    assert lines(280) == 1
+
+
+def test_only_lines_have_a_width():
+    scatter = ready_scatter()
+    obstacle = scatter.obstacles.add()
+    assert "width" in draw_all(), "nothing is chosen yet"
+    obstacle.item = new_object("House")
+    assert "width" not in draw_all() and "margin" in draw_all()
+    path = bpy.data.objects.new("Path", bpy.data.curves.new("Path", "CURVE"))
+    bpy.context.scene.collection.objects.link(path)
+    obstacle.item = path
+    assert "width" in draw_all()
+    holder = bpy.data.collections.new("Holder")
+    holder.objects.link(bpy.data.objects["House"])
+    obstacle.kind, obstacle.collection = "COLLECTION", holder
+    assert "width" not in draw_all()
+    holder.objects.link(path)
+    assert "width" in draw_all()
+
+
 def test_a_result_that_another_scene_shows_too_is_not_said_to_be_gone():
     ready_scatter()
     first = bpy.context.scene
