@@ -6,7 +6,7 @@
 # Properties are annotations that are calls, which Blender reads and mypy cannot.
 # mypy: disable-error-code="valid-type"
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
@@ -108,6 +108,13 @@ class ClassesFromObjects(Edit):
         name="Count", description="How many of each object to place", default=100, min=1, soft_max=100_000
     )
 
+    def _add_families(self, context: bpy.types.Context, candidates: Iterable[bpy.types.Object]) -> set[str]:
+        """Add a class for each of some objects, with what hangs on it."""
+        from ..editing.families import as_placed, heads_in
+
+        targets = selected_scatter(context).targets
+        return self._add(context, as_placed(heads_in(candidates, targets), targets))
+
     def _add(self, context: bpy.types.Context, items: Sequence[bpy.types.Object | bpy.types.Collection]) -> set[str]:
         from ..editing.selection import add_classes, measure
 
@@ -130,18 +137,16 @@ class ESH_OT_classes_from_selection(ClassesFromObjects):
 
     @staticmethod
     def _needs(context: bpy.types.Context) -> object:
-        from ..editing.selection import sources_in
+        from ..editing.families import heads_in
 
         scatter = active_scatter(context)
-        return (scatter and sources_in(context.selected_objects, scatter.targets)) or None
+        return (scatter and heads_in(context.selected_objects, scatter.targets)) or None
 
     _missing = "Select objects to place, other than the target"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add them."""
-        from ..editing.selection import sources_in
-
-        return self._add(context, sources_in(context.selected_objects, selected_scatter(context).targets))
+        return self._add_families(context, context.selected_objects)
 
 
 class ESH_OT_classes_from_collection(ClassesFromObjects):
@@ -167,13 +172,11 @@ class ESH_OT_classes_from_collection(ClassesFromObjects):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add them."""
-        from ..editing.selection import sources_in
-
         collection = bpy.data.collections.get(self.collection)
         if collection is None:
             self.report({"ERROR"}, f'There is no collection "{self.collection}"')
             return {"CANCELLED"}
-        return self._add(context, sources_in(collection.all_objects, selected_scatter(context).targets))
+        return self._add_families(context, collection.all_objects)
 
 
 CLASSES = (

@@ -358,8 +358,10 @@ class ESH_OT_scatter_selection(ScatterObjects):
             return "Select the objects to place, then the ground, which must be a mesh"
         return None if _selected_sources(context) else "Select the objects to place as well, then the ground last"
 
-    def _sources(self, context: bpy.types.Context) -> list[bpy.types.Object]:
-        return _selected_sources(context)
+    def _sources(self, context: bpy.types.Context) -> list[bpy.types.Object | bpy.types.Collection]:
+        from ..editing.families import as_placed
+
+        return as_placed(_selected_sources(context), members_of(stood_on(context.view_layer.objects.active)))
 
 
 class ESH_OT_example(_Run):
@@ -435,17 +437,17 @@ class ESH_OT_keep(bpy.types.Operator):
 
 def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:
     """Return the selected objects to place; where only the ground is selected, those of the active collection."""
-    from ..editing.selection import sources_in
+    from ..editing.families import heads_in
 
     active = context.view_layer.objects.active
     ground = members_of(stood_on(active))
-    chosen = sources_in(context.selected_objects, ground)
+    chosen = heads_in(context.selected_objects, ground)
     if chosen or any(item != active and item not in ground for item in context.selected_objects):
         return chosen
     collection = context.collection
     if collection is None or collection == context.scene.collection:
         return []
-    return sources_in(collection.all_objects, ground)
+    return heads_in(collection.all_objects, ground)
 
 
 def _means_undo(event: bpy.types.Event) -> bool:

@@ -167,6 +167,13 @@ class ESH_PG_size(PropertyGroup):
         """The object or collection to place, or None while none is chosen."""
         return self.source_object if self.source_kind == "OBJECT" else self.source_collection
 
+    def place(self, item: bpy.types.Object | bpy.types.Collection) -> None:
+        """Place an object from now on, or a collection as one."""
+        if isinstance(item, bpy.types.Collection):
+            self.source_kind, self.source_collection = "ASSET", item
+        else:
+            self.source_kind, self.source_object = "OBJECT", item
+
     @property
     def weights(self) -> dict[str, float]:
         """How often each object of the collection is placed, by its name; those with the usual weight are left out."""
