@@ -84,10 +84,15 @@ def _overlaps(count: int) -> str:
     return f"{count:,} overlap{'s' * (count != 1)}"
 
 
-def notes(report: dict[str, Any]) -> list[str]:
-    """Return the sentences of a report that are worth attention, as a panel shows them; more steps only where they would help."""
+def notes(report: dict[str, Any], *, foreseen: bool = False) -> list[str]:
+    """Return the sentences of a report that are worth attention, as a panel shows them; more steps only where they would help.
+
+    Where it is ``foreseen`` how much ground footprints take, and said below the button, that is not said again.
+    """
     # How many overlap, and how deep, has a line of its own.
     found = [_in_blender(note) for note in report["notes"] if "still overlap" not in note]
+    if foreseen:
+        found = [note for note in found if not note.startswith("the footprints cover ")]
     # Where many overlap there is no room to be even in.
     crowded = report["overlaps"] > LEAST_CROWDED * placed(report)
     if not report["converged"] and not crowded and evenness(report).startswith("uneven"):

@@ -271,7 +271,13 @@ def test_overlap_is_said_before_a_run_and_shown_after_it():
     assert {"room", "gap"} <= set(drawn) and "esh.frame_overlap" not in drawn
     scatter.remember(new_result(scatter.target), report(overlaps=2, deepest_pair=[0, 1], deepest_overlap=0.1))
     assert {"esh.select_overlapping", "esh.frame_overlap"} <= set(draw_all())
+    told = report(overlaps=2, notes=["the footprints cover 300% of where they may be: at most about 80% fits"])
+    scatter.remember(scatter.result, told)
+    assert not any("cover 300%" in line for line in draw_all(800)[1:] if not line.startswith("Overlap is")), (
+        "once is enough"
+    )
     scatter.avoid_overlap = False
+    assert any("The footprints cover 300%" in line for line in draw_all(800))
     assert not {"esh.counts_to_fit", "room", "gap"} & set(draw_all())
 
 
