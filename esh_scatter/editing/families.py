@@ -6,14 +6,12 @@ from collections.abc import Iterable, Sequence
 
 import bpy
 
-from ..targets.target import is_result, members_of
+from ..targets.target import FAMILY_OF, is_result, members_of
 
 __all__ = ["as_placed", "heads_in"]
 
 # What has a footprint: others, such as lights and cameras, are passed over.
 SCATTERED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
-# Of which object a collection holds the family, as a custom property.
-FAMILY_OF = "esh_family_of"
 
 
 def heads_in(candidates: Iterable[bpy.types.Object], targets: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:
@@ -69,7 +67,8 @@ def _family(
     family, waiting = [], [head]
     while waiting:
         item = waiting.pop()
-        if members_of(item) and not is_result(item) and item not in targets:
+        # What was deleted from its scene still hangs there.
+        if members_of(item) and item.users_scene and not is_result(item) and item not in targets:
             family.append(item)
         waiting += hanging.get(item, ())
     return family

@@ -66,6 +66,23 @@ def test_a_trunk_with_leaves_that_hang_on_it_stays_a_tree(ground, picked):
     assert len(bpy.data.collections) == before, "the same family has one collection"
 
 
+@pytest.mark.parametrize("gone", ["Trunk", "Leaves"])
+def test_a_tree_of_which_something_was_deleted_is_not_scattered_in_silence(ground, gone):
+    trunk = box("Trunk", 0.4, (-40.0, 0.0, 0.0))
+    box("Leaves", 1.0, (-40.0, 0.0, 2.0), trunk)
+    select(trunk, ground, active=ground)
+    bpy.ops.esh.scatter_selection(most=10)
+    scatter = bpy.context.scene.esh_scatter.active
+    assert not scatter.left_out()
+    select(bpy.data.objects[gone], active=bpy.data.objects[gone])
+    bpy.ops.object.delete()
+    assert scatter.left_out() == [f'Trunk is left out: "{gone}" was deleted; choose another object to place']
+    if gone == "Leaves":
+        select(trunk, ground, active=ground)
+        bpy.ops.esh.classes_from_selection()
+        assert scatter.classes[1].sizes[0].source_object == trunk, "nothing hangs on it any more"
+
+
 def test_leaves_alone_are_placed_alone_and_what_hangs_on_the_ground_is_no_part_of_it(ground):
     trunk = box("Trunk", 0.4)
     leaves = box("Leaves", 1.0, parent=trunk)
