@@ -201,7 +201,7 @@ class BorderSettings(Settings):
             label="Border",
             more="A whole surface goes on around its edges, and has no such border",
             choices=(
-                Choice("open", "Along It", "Objects line up along the edges of the ground and of densities", "OPEN"),
+                Choice("open", "Lined Up", "Objects line up along the edges of the ground and of densities", "OPEN"),
                 Choice(
                     "natural",
                     "Natural",

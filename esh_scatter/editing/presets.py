@@ -16,7 +16,8 @@ from ..densities.density_curve import curve_node
 from ..targets.target import members_of
 from . import forecast
 from .amount_ahead import area_of
-from .selection import measure, sources_in
+from .families import as_placed, heads_in
+from .selection import measure
 
 __all__ = ["add_scatter_of_preset", "apply_preset", "preset_of", "selected_for_preset"]
 
@@ -41,7 +42,7 @@ def add_scatter_of_preset(
     settings: Any,
     preset: Mapping[str, Any],
     ground: bpy.types.Object | bpy.types.Collection,
-    chosen: Sequence[bpy.types.Object] = (),
+    chosen: Sequence[bpy.types.Object | bpy.types.Collection] = (),
 ) -> Any:
     """Add a scatter with the settings and classes of a preset to those of a scene, and return it.
 
@@ -71,7 +72,7 @@ def add_scatter_of_preset(
 
 def selected_for_preset(
     context: bpy.types.Context, ground: bpy.types.Object | bpy.types.Collection
-) -> list[bpy.types.Object]:
+) -> list[bpy.types.Object | bpy.types.Collection]:
     """Return the selected objects that take the places of a preset's classes.
 
     Those that are scattered on that ground already do not: they are often still selected from when they were.
@@ -79,7 +80,7 @@ def selected_for_preset(
     members = members_of(ground)
     scatters = (one for one in context.scene.esh_scatter.scatters if set(one.targets) & set(members))
     placed = {size.source for one in scatters for body_class in one.classes for size in body_class.sizes}
-    return [item for item in sources_in(context.selected_objects, members) if item not in placed]
+    return [item for item in as_placed(heads_in(context.selected_objects, members), members) if item not in placed]
 
 
 def _share_taken(scatter: Any) -> float:
@@ -89,7 +90,7 @@ def _share_taken(scatter: Any) -> float:
     return min(sum(other.report["covered"] for other in others if other.report), MOST_TAKEN)
 
 
-def _fit_beside_others(scatter: Any, free: float, chosen: Sequence[bpy.types.Object]) -> None:
+def _fit_beside_others(scatter: Any, free: float, chosen: Sequence[bpy.types.Object | bpy.types.Collection]) -> None:
     """Have the classes of a preset, which reckon with all ground that is free [m²], ask for what finds room between others.
 
     Between trees there is room for gravel everywhere, and for boulders only where it is wide. Shapes that stand in for objects become
@@ -106,7 +107,7 @@ def _fit_beside_others(scatter: Any, free: float, chosen: Sequence[bpy.types.Obj
         # Room for the largest of them.
         largest = 1.0 + body_class.scale_jitter
         scale, room = 1.0, between.share(number, largest)
-        while room < ENOUGH and scale > SMALLEST and body_class.sizes[0].source_object not in chosen:
+        while room < ENOUGH and scale > SMALLEST and body_class.sizes[0].source not in chosen:
             scale *= STEP
             room = between.share(number, scale * largest)
         if scale < 1.0:
@@ -120,7 +121,10 @@ def _fit_beside_others(scatter: Any, free: float, chosen: Sequence[bpy.types.Obj
 
 
 def apply_preset(
-    scatter: Any, preset: Mapping[str, Any], ground: float, chosen: Sequence[bpy.types.Object] = ()
+    scatter: Any,
+    preset: Mapping[str, Any],
+    ground: float,
+    chosen: Sequence[bpy.types.Object | bpy.types.Collection] = (),
 ) -> None:
     """Give a scatter the settings and classes of a preset; simple shapes stand in for objects.
 
@@ -148,7 +152,9 @@ def apply_preset(
     scatter.class_index = 0
 
 
-def _fill(body_class: Any, one: Mapping[str, Any], ground: float, source: bpy.types.Object | None) -> None:
+def _fill(
+    body_class: Any, one: Mapping[str, Any], ground: float, source: bpy.types.Object | bpy.types.Collection | None
+) -> None:
     where = f'class "{one["name"]}"'
     _set(body_class, one.get("settings", {}), f"settings of {where}", _NOT_OF_CLASSES)
     body_class.may_overlap = ", ".join(one.get("may_overlap", ()))
@@ -165,12 +171,17 @@ def _fill(body_class: Any, one: Mapping[str, Any], ground: float, source: bpy.ty
             area = (
                 cover * ground / count if cover else size.area if size.area_kind == "VALUE" else ground / (10 * count)
             )
-            size.source_object = stand_in(
-                body_class.name, shape.get("shape", "ball"), shape.get("proportions", (1, 1, 1)), area, body_class.color
+            size.place(
+                stand_in(
+                    body_class.name,
+                    shape.get("shape", "ball"),
+                    shape.get("proportions", (1, 1, 1)),
+                    area,
+                    body_class.color,
+                )
             )
         else:
-            size.source_object = source
-        size.source_kind = "OBJECT"
+            size.place(source)
     # What takes no ground, the run will say.
     measured = [] if source is None else measure([source], bpy.context)[0]
     if measured:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import bpy
@@ -14,7 +15,6 @@ from ...engine.problem.scatter_settings import TargetSettings
 from ..classes.object_outline import outline_of, read_source
 from ..classes.survey import Survey
 from ..targets.references import Reference
-from ..targets.target import is_result
 from ..targets.targets import check_targets, read_targets
 
 if TYPE_CHECKING:
@@ -23,12 +23,10 @@ if TYPE_CHECKING:
     from ..properties.body_class import ESH_PG_class
     from ..properties.scatter import ESH_PG_scatter
 
-__all__ = ["Measured", "SelectionSurvey", "add_classes", "measure", "pleasant_counts", "sources_in"]
+__all__ = ["Measured", "SelectionSurvey", "add_classes", "measure", "pleasant_counts"]
 
 # An object of which more than this share is below its origin has it in its middle, as new shapes have, and not at its foot.
 BELOW_ORIGIN = 0.35
-# What has a footprint: others, such as lights and cameras, are passed over.
-SCATTERED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
 
 class Measured(NamedTuple):
@@ -45,14 +43,6 @@ class Measured(NamedTuple):
     area: float
     upright: bool
     stand_on: str
-
-
-def sources_in(candidates: Iterable[bpy.types.Object], targets: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:
-    """Return those of some objects that can be placed on targets, by name."""
-    found = [
-        item for item in candidates if item not in targets and item.type in SCATTERED_TYPES and not is_result(item)
-    ]
-    return sorted(found, key=lambda item: item.name_full)
 
 
 def measure(
@@ -83,9 +73,11 @@ class SelectionSurvey:
         ground: The mesh to scatter on, or a collection of some.
         items: What to place.
         context: Whose view layer.
+        settings: Which part of the ground. Where nothing of it is seen from above, a wall for example, it is the whole surface.
 
     Attributes:
         device: Where it runs.
+        settings: Which part of the ground is scattered on, once it is solved.
         survey: What it has worked out, for the run that follows.
         area: Of the ground [m²], once it is solved.
 
@@ -100,9 +92,11 @@ class SelectionSurvey:
         ground: bpy.types.Object | bpy.types.Collection | None,
         items: Sequence[bpy.types.Object | bpy.types.Collection],
         context: bpy.types.Context,
+        settings: TargetSettings | None = None,
     ) -> None:
         objects, _ = check_targets(ground, context)
-        self._ground = read_targets(objects, context, set(), TargetSettings())
+        self.settings = settings or TargetSettings()
+        self._ground = read_targets(objects, context, set(), self.settings)
         self._items = [_read(item, context) for item in items]
         self._outlines: list[Outline | None] = []
         self.survey = Survey()
@@ -112,9 +106,14 @@ class SelectionSurvey:
         """Work it out; touches nothing of Blender.
 
         Raises:
-            EshError: The ground is not seen from above.
+            EshError: The ground has no surface.
         """
-        self.area = float(np.sum(self.survey.begin(self._ground, TargetSettings()).area))
+        try:
+            chart = self.survey.begin(self._ground, self.settings)
+        except ProblemError:
+            self.settings = replace(self.settings, surface="whole")
+            chart = self.survey.begin(self._ground, self.settings)
+        self.area = float(np.sum(chart.area))
         for _, _, mesh in self._items:
             try:
                 self._outlines.append(None if mesh is None else self.survey.outline(mesh, "`area`"))
@@ -188,10 +187,7 @@ def add_classes(scatter: ESH_PG_scatter, measured: Sequence[Measured], counts: S
         body_class.name = unused_name(name, {other.name for other in scatter.classes[:-1]})
         size = body_class.sizes[0]
         size.count = count
-        if isinstance(one.item, bpy.types.Collection):
-            size.source_kind, size.source_collection = "ASSET", one.item
-        else:
-            size.source_kind, size.source_object = "OBJECT", one.item
+        size.place(one.item)
         # Trees stand upright; what lies, lies on the slope.
         body_class.align_to_normal = 0.0 if one.upright else 1.0
         body_class.stand_on = one.stand_on

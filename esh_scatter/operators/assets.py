@@ -105,11 +105,7 @@ class ESH_OT_source_from_asset(Edit):
         if item is None:
             self.report({"ERROR"}, _SELECT_ASSETS)
             return {"CANCELLED"}
-        size = body_class.active_size or body_class.add_size()
-        if isinstance(item, bpy.types.Collection):
-            size.source_kind, size.source_collection = "ASSET", item
-        else:
-            size.source_kind, size.source_object = "OBJECT", item
+        (body_class.active_size or body_class.add_size()).place(item)
         return {"FINISHED"}
 
 

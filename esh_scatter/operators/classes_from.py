@@ -6,10 +6,10 @@
 # Properties are annotations that are calls, which Blender reads and mypy cannot.
 # mypy: disable-error-code="valid-type"
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import bpy
-from bpy.props import EnumProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from ...engine.errors import EshError
 from ...engine.problem.ink_models import DEFAULT_MODEL, INK_MODELS
@@ -41,6 +41,12 @@ class ESH_OT_classes_from_image(Edit):
         min=10,
         soft_max=200_000,
     )
+    filepath: StringProperty(
+        name="File", description="A file to open the image from", subtype="FILE_PATH", options={"SKIP_SAVE"}
+    )
+    # What the file dialog shows.
+    filter_image: BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+    filter_folder: BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
 
     @staticmethod
     def _needs(context: bpy.types.Context) -> object:
@@ -50,16 +56,20 @@ class ESH_OT_classes_from_image(Edit):
     _missing = "Choose a target first"
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Ask for image and inks."""
-        if not self.image and bpy.data.images:
+        """Ask for image and inks; where there is no image yet, for its file."""
+        if bpy.data.images.get(self.image) is None:
             self.image = next((i.name for i in bpy.data.images if i.type == "IMAGE"), "")
+        if not self.image:
+            context.window_manager.fileselect_add(self)
+            return {"RUNNING_MODAL"}
         return context.window_manager.invoke_props_dialog(self, width=320)
 
-    def draw(self, _context: bpy.types.Context) -> None:
-        """Draw the dialog."""
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the dialog, or the settings beside the files."""
         layout = self.layout
         layout.use_property_split = True
-        layout.prop_search(self, "image", bpy.data, "images")
+        if context.area is None or context.area.type != "FILE_BROWSER":
+            layout.prop_search(self, "image", bpy.data, "images")
         layout.prop(self, "model")
         layout.prop(self, "dots")
 
@@ -70,6 +80,12 @@ class ESH_OT_classes_from_image(Edit):
         from ..targets.targets import check_targets, read_targets
 
         scatter = selected_scatter(context)
+        if self.filepath and not self.image:
+            try:
+                self.image = bpy.data.images.load(self.filepath, check_existing=True).name
+            except RuntimeError:
+                self.report({"ERROR"}, f'"{self.filepath}" cannot be read as an image')
+                return {"CANCELLED"}
         image = bpy.data.images.get(self.image)
         if image is None:
             self.report({"ERROR"}, f'There is no image "{self.image}". Open one first')
@@ -91,6 +107,13 @@ class ClassesFromObjects(Edit):
     count: IntProperty(
         name="Count", description="How many of each object to place", default=100, min=1, soft_max=100_000
     )
+
+    def _add_families(self, context: bpy.types.Context, candidates: Iterable[bpy.types.Object]) -> set[str]:
+        """Add a class for each of some objects, with what hangs on it."""
+        from ..editing.families import as_placed, heads_in
+
+        targets = selected_scatter(context).targets
+        return self._add(context, as_placed(heads_in(candidates, targets), targets))
 
     def _add(self, context: bpy.types.Context, items: Sequence[bpy.types.Object | bpy.types.Collection]) -> set[str]:
         from ..editing.selection import add_classes, measure
@@ -114,18 +137,16 @@ class ESH_OT_classes_from_selection(ClassesFromObjects):
 
     @staticmethod
     def _needs(context: bpy.types.Context) -> object:
-        from ..editing.selection import sources_in
+        from ..editing.families import heads_in
 
         scatter = active_scatter(context)
-        return (scatter and sources_in(context.selected_objects, scatter.targets)) or None
+        return (scatter and heads_in(context.selected_objects, scatter.targets)) or None
 
     _missing = "Select objects to place, other than the target"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add them."""
-        from ..editing.selection import sources_in
-
-        return self._add(context, sources_in(context.selected_objects, selected_scatter(context).targets))
+        return self._add_families(context, context.selected_objects)
 
 
 class ESH_OT_classes_from_collection(ClassesFromObjects):
@@ -151,13 +172,11 @@ class ESH_OT_classes_from_collection(ClassesFromObjects):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add them."""
-        from ..editing.selection import sources_in
-
         collection = bpy.data.collections.get(self.collection)
         if collection is None:
             self.report({"ERROR"}, f'There is no collection "{self.collection}"')
             return {"CANCELLED"}
-        return self._add(context, sources_in(collection.all_objects, selected_scatter(context).targets))
+        return self._add_families(context, collection.all_objects)
 
 
 CLASSES = (

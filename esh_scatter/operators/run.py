@@ -12,11 +12,11 @@ import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
 from ...engine.errors import EshError, ProblemError
-from ...engine.problem.scatter_settings import ScatterSettings
+from ...engine.problem.scatter_settings import ScatterSettings, TargetSettings
 from ...engine.problem.settings import settings_of
 from ..editing.amount_ahead import bodies_ahead, question
 from ..editing.forecast import scale_counts
-from ..properties.described import property_of
+from ..properties.described import identifier_of, property_of, value_of
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import words
@@ -268,7 +268,11 @@ class ScatterObjects(_Run):
         min=1,
         soft_max=100_000,
     )
+    # Of this ground: the next one is another.
+    surface: property_of(_SETTINGS["surface"], options={"SKIP_SAVE"})
     class_separation: property_of(_SETTINGS["class_separation"])
+    # Nobody who drops a selection on a terrain asks for hedges along its edges.
+    boundary: property_of(_SETTINGS["boundary"], default="NATURAL")
     seed: property_of(_SETTINGS["seed"])
 
     @classmethod
@@ -294,13 +298,14 @@ class ScatterObjects(_Run):
         """Draw the panel of the last operation."""
         layout = self.layout
         layout.use_property_split = True
-        for name in ("cover", "most", "class_separation", "seed"):
+        for name in ("cover", "most", "surface", "class_separation", "boundary", "seed"):
             layout.prop(self, name)
 
     def _first(self, context: bpy.types.Context) -> "SelectionSurvey":
         from ..editing.selection import SelectionSurvey
 
-        return SelectionSurvey(stood_on(context.view_layer.objects.active), self._sources(context), context)
+        settings = TargetSettings(surface=value_of(_SETTINGS["surface"], self.surface))
+        return SelectionSurvey(stood_on(context.view_layer.objects.active), self._sources(context), context, settings)
 
     def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
         from ..editing.selection import add_classes, pleasant_counts
@@ -315,6 +320,7 @@ class ScatterObjects(_Run):
                 return None
         # The panel of the last operation looks again.
         self._found = None
+        self.surface = identifier_of(_SETTINGS["surface"], found.settings.surface)
         measured, flat = found.measured()
         if flat:
             self.report({"WARNING"}, f"Left out, because they cover no ground when seen from above: {', '.join(flat)}")
@@ -324,7 +330,9 @@ class ScatterObjects(_Run):
         counts = pleasant_counts([one.area for one in measured], found.area, self.cover, self.most)
         scatter = context.scene.esh_scatter.add_scatter(stood_on(context.view_layer.objects.active))
         add_classes(scatter, measured, counts)
-        scatter.class_separation, scatter.seed, scatter.class_index = self.class_separation, self.seed, 0
+        for name in ("surface", "class_separation", "boundary", "seed"):
+            setattr(scatter, name, getattr(self, name))
+        scatter.class_index = 0
         self._made = scatter.name
         return scatter
 
@@ -350,8 +358,10 @@ class ESH_OT_scatter_selection(ScatterObjects):
             return "Select the objects to place, then the ground, which must be a mesh"
         return None if _selected_sources(context) else "Select the objects to place as well, then the ground last"
 
-    def _sources(self, context: bpy.types.Context) -> list[bpy.types.Object]:
-        return _selected_sources(context)
+    def _sources(self, context: bpy.types.Context) -> list[bpy.types.Object | bpy.types.Collection]:
+        from ..editing.families import as_placed
+
+        return as_placed(_selected_sources(context), members_of(stood_on(context.view_layer.objects.active)))
 
 
 class ESH_OT_example(_Run):
@@ -427,17 +437,17 @@ class ESH_OT_keep(bpy.types.Operator):
 
 def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:
     """Return the selected objects to place; where only the ground is selected, those of the active collection."""
-    from ..editing.selection import sources_in
+    from ..editing.families import heads_in
 
     active = context.view_layer.objects.active
     ground = members_of(stood_on(active))
-    chosen = sources_in(context.selected_objects, ground)
+    chosen = heads_in(context.selected_objects, ground)
     if chosen or any(item != active and item not in ground for item in context.selected_objects):
         return chosen
     collection = context.collection
     if collection is None or collection == context.scene.collection:
         return []
-    return sources_in(collection.all_objects, ground)
+    return heads_in(collection.all_objects, ground)
 
 
 def _means_undo(event: bpy.types.Event) -> bool:

@@ -153,7 +153,7 @@ class ESH_PG_class(PropertyGroup):
         description="How the number of objects is given",
         items=(
             ("SIZES", "Count", "A number; where there are several sizes, one for each", "LINENUMBERS_ON", 0),
-            ("TOTAL", "Total Count", "One number for all sizes together; each size gets a share of it", "FUND", 1),
+            ("TOTAL", "Total Count", "One number for all sizes together; each size gets a share of it", "ADD", 1),
             (
                 "PER_AREA",
                 "Per Square Meter",
@@ -219,7 +219,7 @@ class ESH_PG_class(PropertyGroup):
         if self.count_kind in ("SIZES", "TOTAL"):
             return f"{self.count:,}"
         return {
-            "PER_AREA": f"{self.per_area:.3g} per m²",
+            "PER_AREA": f"{self.per_area:.3g}/m²",
             "DISTANCE": f"{self.distance:.3g} m apart",
             "SHARE": f"{self.cover_share:.0%} cover",
             "COVER": "by density",

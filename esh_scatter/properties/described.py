@@ -17,7 +17,15 @@ from bpy.types import PropertyGroup
 
 from ...engine.problem.settings import Described, Setting, settings_of
 
-__all__ = ["Shown", "property_of", "shown_settings", "values_from", "with_properties"]
+__all__ = [
+    "Shown",
+    "identifier_of",
+    "property_of",
+    "shown_settings",
+    "value_of",
+    "values_from",
+    "with_properties",
+]
 
 Group = TypeVar("Group", bound=type)
 
@@ -131,10 +139,20 @@ def _value_from(group: PropertyGroup, one: Described, name: str) -> Any:
         return of(**{inner: _value_from(group, own, f"{name}_{inner}") for inner, own in settings_of(of).items()})
     value = getattr(group, name)
     if one.kind == "choice":
-        return next(choice.value for choice in one.setting.choices if choice.identifier == value)
+        return value_of(one, value)
     if one.kind == "number":
         return _as_meant(value, one.setting)
     return tuple(value) if one.kind == "numbers" else value
+
+
+def value_of(one: Described, identifier: str) -> Any:
+    """Return the value of a choice that Blender knows by an identifier."""
+    return next(choice.value for choice in one.setting.choices if choice.identifier == identifier)
+
+
+def identifier_of(one: Described, value: Any) -> str:
+    """Return by which identifier Blender knows a value of a choice."""
+    return next(choice.identifier for choice in one.setting.choices if choice.value == value)
 
 
 def _as_meant(value: float, setting: Setting) -> float:

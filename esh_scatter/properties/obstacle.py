@@ -60,6 +60,12 @@ class ESH_PG_obstacle(PropertyGroup):
         """Whether it is switched on and there is something to keep off."""
         return self.use and self.source is not None
 
+    @property
+    def has_lines(self) -> bool:
+        """Whether any of it is not made of faces alone, and so has a width; nothing chosen may become so."""
+        items = self.items
+        return not items or self.width > 0.0 or any(item.type != "MESH" or not item.data.polygons for item in items)
+
     def as_argument(self) -> ScatterObstacle:
         """Return it as :func:`~esh.scatter` takes it."""
         return ScatterObstacle(self.source, width=self.width, margin=self.margin)

@@ -11,7 +11,7 @@ from bpy.types import PropertyGroup
 
 from ...engine.problem.settings import settings_of
 from ...engine.problem.size import Size
-from ..targets.target import members_of
+from ..targets.target import FAMILY_OF, members_of
 from .described import property_of, values_from
 from .names import keep_name_unused
 from .shown_at_once import choose_variants_anew, place_others
@@ -167,6 +167,13 @@ class ESH_PG_size(PropertyGroup):
         """The object or collection to place, or None while none is chosen."""
         return self.source_object if self.source_kind == "OBJECT" else self.source_collection
 
+    def place(self, item: bpy.types.Object | bpy.types.Collection) -> None:
+        """Place an object from now on, or a collection as one."""
+        if isinstance(item, bpy.types.Collection):
+            self.source_kind, self.source_collection = "ASSET", item
+        else:
+            self.source_kind, self.source_object = "OBJECT", item
+
     @property
     def weights(self) -> dict[str, float]:
         """How often each object of the collection is placed, by its name; those with the usual weight are left out."""
@@ -181,17 +188,23 @@ class ESH_PG_size(PropertyGroup):
         return items, [weights.get(item, 1.0) for item in items]
 
     @property
-    def source_deleted(self) -> bool:
-        """Whether the object to place was deleted from its scene; as long as it is chosen here, it stays in the file."""
-        chosen = self.source_kind == "OBJECT" and self.source_object is not None and self.source_was_in_scene
-        return chosen and not in_a_scene(self.source_object)
+    def deleted(self) -> str:
+        """Name of what was deleted from its scene of what is placed, or an empty text; while it is chosen, it stays in the file."""
+        item = self.source_object
+        if self.source_kind == "OBJECT":
+            return item.name if item is not None and self.source_was_in_scene and not in_a_scene(item) else ""
+        collection = self.source_collection
+        if self.source_kind != "ASSET" or collection is None or FAMILY_OF not in collection:
+            return ""
+        # Objects with what hangs on them are in a collection of their own, which is in no scene.
+        return next((one.name for one in collection.objects if not in_a_scene(one)), "")
 
     def obstacle(self, target: bpy.types.Object) -> str | None:
         """Return what keeps this size from being scattered on ``target``, or None."""
         if self.source is None:
             return f"choose {'an object' if self.source_kind == 'OBJECT' else 'a collection'} to place"
-        if self.source_deleted:
-            return f'"{self.source.name}" was deleted; choose another object to place'
+        if deleted := self.deleted:
+            return f'"{deleted}" was deleted; choose another object to place'
         if self.source_kind != "OBJECT" and not self.source.all_objects:
             return f'collection "{self.source.name}" is empty; add objects to place'
         if self.area_kind == "RANGE" and self.area_largest < self.area:

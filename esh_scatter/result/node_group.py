@@ -139,7 +139,8 @@ def build_node_group(
     group = tree.group
     group[RESULT_TAG] = True
     group[MADE_OF] = made_of(classes, followed)
-    group.is_modifier = True
+    # It is of use to its own points alone: no entry of Add Modifier.
+    group.is_modifier = False
     group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     _take_inputs(tree, classes, bool(followed))
     tree.begin()

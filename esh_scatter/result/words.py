@@ -9,6 +9,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "UNBROKEN",
+    "behind_rule",
     "cover",
     "evenness",
     "evenness_word",
@@ -53,9 +54,11 @@ def evenness(report: dict[str, Any]) -> str:
     return f"uneven: {', '.join(uneven[:3])}" + (" and others" if len(uneven) > 3 else "")
 
 
-def summary(report: dict[str, Any], unbroken: str = " ") -> str:
+def summary(report: dict[str, Any], unbroken: str = " ", *, seconds: bool = True) -> str:
     """Return a report in one line: "1,042 placed · no overlap · very even · 0.8 s"; ``unbroken`` is the space within its parts."""
-    parts = [f"{placed(report):,} placed", *_troubles(report), evenness(report), f"{report['seconds']:.1f} s"]
+    parts = [f"{placed(report):,} placed", *_troubles(report), evenness(report)]
+    if seconds:
+        parts.append(f"{report['seconds']:.1f} s")
     return " · ".join(part.replace(" ", unbroken) for part in parts if part)
 
 
@@ -81,10 +84,15 @@ def _overlaps(count: int) -> str:
     return f"{count:,} overlap{'s' * (count != 1)}"
 
 
-def notes(report: dict[str, Any]) -> list[str]:
-    """Return the sentences of a report that are worth attention, as a panel shows them; more steps only where they would help."""
+def notes(report: dict[str, Any], *, foreseen: bool = False) -> list[str]:
+    """Return the sentences of a report that are worth attention, as a panel shows them; more steps only where they would help.
+
+    Where it is ``foreseen`` how much ground footprints take, and said below the button, that is not said again.
+    """
     # How many overlap, and how deep, has a line of its own.
     found = [_in_blender(note) for note in report["notes"] if "still overlap" not in note]
+    if foreseen:
+        found = [note for note in found if not note.startswith("the footprints cover ")]
     # Where many overlap there is no room to be even in.
     crowded = report["overlaps"] > LEAST_CROWDED * placed(report)
     if not report["converged"] and not crowded and evenness(report).startswith("uneven"):
@@ -112,6 +120,12 @@ def cover(found: Cover) -> str:
         share = f"{found.crowded:.0%}"
         return f"Too crowded in places: {share} is asked for where more than {found.fits:.0%} of the ground would be covered"
     return ""
+
+
+def behind_rule(message: str) -> str:
+    """Return what a message says of what was given, without the rule before it: "Image ... is 0 everywhere"."""
+    given = message.rpartition("; ")[2]
+    return given[:1].upper() + given[1:]
 
 
 def meters(length: float) -> str:

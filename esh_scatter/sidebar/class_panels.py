@@ -120,7 +120,7 @@ class ESH_PT_density_more(_ClassSubPanel, bpy.types.Panel):
         if body_class.direction_kind == "ANGLE":
             column.prop(body_class, "direction_angle")
         elif body_class.direction_kind == "IMAGE":
-            draw_image(column, body_class, "direction_image")
+            draw_image(context, column, body_class, "direction_image")
         column.separator()
         draw_settings(context, column, body_class, ClassSettings, (*KEPT_APART, "look_at"))
 
@@ -151,7 +151,7 @@ class ESH_PT_overlap(_ClassSubPanel, bpy.types.Panel):
 def _draw_source(context: bpy.types.Context, column: bpy.types.UILayout, size: bpy.types.PropertyGroup) -> None:
     draw_property(context, column, size, "source_kind")
     source = column.row()
-    source.alert = size.source is None or size.source_deleted
+    source.alert = size.source is None or bool(size.deleted)
     source.prop(size, "source_object" if size.source_kind == "OBJECT" else "source_collection")
     if size.source_kind == "COLLECTION" and size.source is not None:
         _draw_variants(column, size)

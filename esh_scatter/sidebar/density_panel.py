@@ -10,9 +10,12 @@ from ..densities.density_curve import curve_node
 from ..editing.painting import unsaved_images
 from ..properties.described import shown_settings
 from . import density_preview
-from .panel_parts import draw_property
+from .panel_parts import draw_image, draw_property, is_narrow
 
 __all__ = ["draw_density"]
+
+# Kinds of layers that are painted, and the mode in which that is done.
+PAINTED_IN = {"IMAGE": "PAINT_TEXTURE", "VERTEX_GROUP": "PAINT_WEIGHT"}
 
 
 def draw_density(context: bpy.types.Context, column: bpy.types.UILayout, scatter: Any, body_class: Any) -> list[str]:
@@ -56,11 +59,13 @@ def _draw_layer(
     if several:
         column.prop(layer, "name", placeholder=layer.label)
     draw_property(context, column, layer, "kind")
-    _draw_source(column, scatter, layer, target)
+    _draw_source(context, column, scatter, layer, target)
     for shown in shown_settings(layer.told.settings, layer.told.by_hand, layer.told.prefix):
         if shown.name == "image_mapping" and layer.image_mapping == "UV" and target:
             column.prop(layer, shown.name)
-            column.prop_search(layer, "uv_map", target.data, "uv_layers", icon="GROUP_UVS")
+            # Beside its icon it needs no label where there is no room for it.
+            text = {"text": ""} if is_narrow(context) else {}
+            column.prop_search(layer, "uv_map", target.data, "uv_layers", icon="GROUP_UVS", **text)
         else:
             draw_property(context, column, layer, shown.name, slider=shown.slider)
     column.separator()
@@ -73,12 +78,12 @@ def _draw_layer(
         column.template_curve_mapping(node, "mapping")
 
 
-def _draw_source(column: bpy.types.UILayout, scatter: Any, layer: Any, target: bpy.types.Object | None) -> None:
+def _draw_source(
+    context: bpy.types.Context, column: bpy.types.UILayout, scatter: Any, layer: Any, target: bpy.types.Object | None
+) -> None:
     kind = layer.kind
     if kind == "IMAGE":
-        row = column.row()
-        row.use_property_split = False
-        row.template_ID(layer, "image", new="image.new", open="image.open")
+        draw_image(context, column, layer, "image")
     elif kind in ("VERTEX_GROUP", "ATTRIBUTE"):
         if target is None:
             column.label(text="Choose a target first", icon="ERROR")
@@ -97,5 +102,7 @@ def _draw_source(column: bpy.types.UILayout, scatter: Any, layer: Any, target: b
         row.prop_search(layer, "class_name", scatter, "classes", icon="POINTCLOUD_DATA")
     elif kind == "CAMERA":
         column.prop(layer, "camera")
-    if kind in ("IMAGE", "VERTEX_GROUP"):
+    if kind in PAINTED_IN and context.mode == PAINTED_IN[kind]:
+        column.operator("object.mode_set", text="Done", icon="CHECKMARK").mode = "OBJECT"
+    elif kind in PAINTED_IN:
         column.operator("esh.layer_paint", text="Paint", icon="BRUSH_DATA").kind = "SELECTED"

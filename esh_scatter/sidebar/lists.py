@@ -7,14 +7,12 @@ from ..properties.layer import ESH_PG_layer
 from ..properties.obstacle import ESH_PG_obstacle
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.size import ESH_PG_size
-from .panel_parts import is_narrow, width_of
+from .panel_parts import is_narrow, units_of, width_of
 
 __all__ = ["CLASSES"]
 
 # Width of the sidebar from which on rows show more [pixels at an interface scale of 1].
 WIDE = 330
-# Width of a text, in the interface's units: of any, and of each of its characters.
-UNITS, UNITS_A_CHARACTER = 0.5, 0.36
 
 
 class ESH_UL_classes(bpy.types.UIList):
@@ -51,7 +49,7 @@ class ESH_UL_classes(bpy.types.UIList):
         else:
             amount = item.amount
             # As wide as it is, so that the name has the rest.
-            count.ui_units_x = UNITS + UNITS_A_CHARACTER * len(amount)
+            count.ui_units_x = units_of(context, amount)
             count.label(text=amount)
         switches = row.row(align=True)
         icon = "CHECKBOX_DEHLT" if item.mute else "CHECKBOX_HLT"

@@ -1,9 +1,9 @@
 """What the panels of the sidebar are made of: lists with their buttons, settings, images, sentences over several lines."""
 
-import textwrap
 from collections.abc import Collection
 from typing import Any
 
+import blf
 import bpy
 
 from ..properties.described import shown_settings
@@ -18,17 +18,26 @@ __all__ = [
     "draw_list",
     "draw_property",
     "draw_settings",
+    "fits_line",
     "is_narrow",
+    "text_width",
+    "units_of",
     "width_of",
     "write_text",
 ]
 
-# Up to which width of the sidebar names leave room for nothing beside them [pixels at an interface scale of 1].
+# All lengths are in pixels at an interface scale of 1.
+
+# Up to which width of the sidebar names leave room for nothing beside them.
 NARROW = 270
-# Characters of a property's name, and of its choice beside an icon, that fit into such a sidebar.
-LONGEST_NAME, LONGEST_CHOICE = 12, 11
-# In one as wide as Blender has it at first, names of so many characters do not fit either.
-WIDTH_AT_FIRST, LONGER_NAME = 300, 15
+# What the tabs and the margins of a panel take of the sidebar's width, and an icon of a line.
+MARGINS, ICON = 56, 26
+# Where Blender parts a line into a name and its field, and what a field has beside the text of a checkbox, and of a choice.
+PARTED, CHECKBOX, CHOICE = 0.42, 28, 42
+# What the buttons beside the name of an image take.
+IMAGE_BUTTONS = 150
+# What a label leaves free around its text, and how wide a unit of a layout is.
+AROUND, UNIT = 12, 20
 
 
 class Panel:
@@ -63,6 +72,18 @@ def width_of(context: bpy.types.Context) -> float:
     return context.region.width / context.preferences.system.ui_scale
 
 
+def text_width(context: bpy.types.Context, text: str) -> float:
+    """Return how wide a text is in the interface's font [pixels at an interface scale of 1]."""
+    blf.size(0, context.preferences.ui_styles[0].widget.points)
+    width: float = blf.dimensions(0, text)[0]
+    return width
+
+
+def units_of(context: bpy.types.Context, text: str) -> float:
+    """Return the width of a label, in units of a layout."""
+    return (text_width(context, text) + AROUND) / UNIT
+
+
 def is_narrow(context: bpy.types.Context) -> bool:
     """Tell whether the sidebar is so narrow that names need the room of what may be missing."""
     return width_of(context) <= NARROW
@@ -76,32 +97,31 @@ def draw_property(
     *,
     slider: bool = False,
 ) -> None:
-    """Draw a property; in a narrow sidebar over the whole width, where its name or its choice would be cut."""
+    """Draw a property; over the whole width where its name or its choice would be cut beside each other."""
     told = group.bl_rna.properties[name]
-    if not is_narrow(context):
-        cut = width_of(context) <= WIDTH_AT_FIRST and len(told.name) >= LONGER_NAME and told.type in ("INT", "FLOAT")
-        _draw_over_width(layout, group, name, slider, split=not cut)
-    elif told.type == "ENUM":
+    line = width_of(context) - MARGINS
+    if told.type == "ENUM":
         chosen = told.enum_items[getattr(group, name)].name
-        layout.prop(group, name, **({"text": ""} if len(chosen) > LONGEST_CHOICE else {}))
-    else:
-        _draw_over_width(layout, group, name, slider, split=len(told.name) < LONGEST_NAME)
-
-
-def _draw_over_width(
-    layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, name: str, slider: bool, *, split: bool
-) -> None:
-    """Draw a property with its name in a column of names, or within its field, which then takes the whole width."""
+        is_cut = is_narrow(context) and text_width(context, chosen) > (1.0 - PARTED) * line - CHOICE
+        layout.prop(group, name, **({"text": ""} if is_cut else {}))
+        return
+    # The name of a checkbox stands in the field, others in the column of names.
+    room = (1.0 - PARTED) * line - CHECKBOX if told.type == "BOOLEAN" else PARTED * line - AROUND / 2
     row = layout.row()
-    row.use_property_split = split
+    row.use_property_split = text_width(context, told.name) <= room
     row.prop(group, name, slider=slider)
 
 
-def draw_image(column: bpy.types.UILayout, group: bpy.types.PropertyGroup, name: str) -> None:
-    """Draw an image over the whole width, so that its name can be read."""
+def draw_image(
+    context: bpy.types.Context, column: bpy.types.UILayout, group: bpy.types.PropertyGroup, name: str
+) -> None:
+    """Draw an image over the whole width, and its name in a line of its own where the buttons leave no room for it."""
     row = column.row()
     row.use_property_split = False
     row.template_ID(group, name, new="image.new", open="image.open")
+    image = getattr(group, name)
+    if image is not None and text_width(context, image.name) > width_of(context) - MARGINS - IMAGE_BUTTONS:
+        column.label(text=image.name)
 
 
 def draw_settings(
@@ -157,17 +177,31 @@ def draw_list(
         side.operator(f"esh.{noun}_move", text="", icon="TRIA_DOWN").direction = "DOWN"
 
 
+def fits_line(context: bpy.types.Context, text: str) -> bool:
+    """Tell whether :func:`write_text` would draw a text beside an icon on one line."""
+    return text_width(context, text) <= width_of(context) - MARGINS - ICON
+
+
 def write_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str = "NONE") -> None:
     """Draw ``text`` on as many lines as the sidebar's width asks for."""
-    # Margins and the icon take about 60 pixels, and a character of the interface's font where there are many wide ones 6.8.
-    characters = max(20, int((width_of(context) - 60) / 6.8))
-    # What is longer than a line is broken after all, between its words.
-    parts = (part if len(part) <= characters else part.replace(words.UNBROKEN, " ") for part in text.split(" "))
-    text = " ".join(parts)
+    room = width_of(context) - MARGINS - (ICON if icon != "NONE" else 0)
     column = layout.column(align=True)
-    for number, line in enumerate(textwrap.wrap(text, characters, break_on_hyphens=False)):
-        column.label(
-            # A dot between two parts stands in no line's beginning or end.
-            text=line.strip(" ·").replace(words.UNBROKEN, " "),
-            icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"),
-        )
+    for number, line in enumerate(_wrapped(context, text, room)):
+        column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))
+
+
+def _wrapped(context: bpy.types.Context, text: str, room: float) -> list[str]:
+    """Return the lines of a text that are no wider than ``room``; a word that is wider has a line of its own."""
+    # What is to stay together but is longer than a line is broken after all, between its words.
+    parts = (
+        part if text_width(context, part) <= room else part.replace(words.UNBROKEN, " ") for part in text.split(" ")
+    )
+    lines: list[str] = []
+    for part in " ".join(parts).split(" "):
+        longer = f"{lines[-1]} {part}" if lines else ""
+        if lines and text_width(context, longer) <= room:
+            lines[-1] = longer
+        else:
+            lines.append(part)
+    # A dot between two parts stands in no line's beginning or end.
+    return [line.strip(" ·").replace(words.UNBROKEN, " ") for line in lines]

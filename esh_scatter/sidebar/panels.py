@@ -13,10 +13,11 @@ from ..properties.scatter import BY_HAND, ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import real_objects, words
 from ..result.display import get_inputs, input_property, our_modifier
+from ..result.result import is_shared
 from ..solving import live, running
 from ..targets import checksums
 from . import class_panels, report_panel
-from .panel_parts import Panel, SubPanel, draw_list, draw_settings, is_narrow, write_text
+from .panel_parts import Panel, SubPanel, draw_list, draw_settings, fits_line, is_narrow, write_text
 
 __all__ = ["CLASSES"]
 
@@ -169,7 +170,8 @@ class ESH_PT_obstacles(SubPanel, bpy.types.Panel):
             column.separator()
             column.prop(chosen, "kind")
             column.prop(chosen, "item" if chosen.kind == "OBJECT" else "collection")
-            column.prop(chosen, "width")
+            if chosen.has_lines:
+                column.prop(chosen, "width")
             column.prop(chosen, "margin")
         column.separator()
         column.prop(scatter, "keep_off_others")
@@ -297,7 +299,7 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
     # The dearest part of drawing: made once.
     record = scatter.record()
     if report is not None and scatter.result_in(context.scene) is None:
-        write_text(context, column, "The result is no longer there", icon="INFO")
+        write_text(context, column, _why_no_result(context.scene, scatter), icon="INFO")
     elif report is not None:
         changes = scatter.changes(record)
         if changes and live.is_busy(context.scene, scatter):
@@ -306,21 +308,31 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
             more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
             write_text(context, column, f"Changed: {', '.join(changes[:3])}{more}", icon="FILE_REFRESH")
         else:
-            write_text(
-                context,
-                column,
-                words.summary(report, words.UNBROKEN),
-                icon="ERROR" if words.has_trouble(report) else "CHECKMARK",
-            )
+            # One line, which the panel does not jump by when a run ends: the seconds are in the report, too.
+            seconds = fits_line(context, words.summary(report))
+            text = words.summary(report, words.UNBROKEN, seconds=seconds)
+            write_text(context, column, text, icon="ERROR" if words.has_trouble(report) else "CHECKMARK")
     said = live.status(context.scene, scatter)
-    if said:
+    if said and context.mode.startswith("PAINT"):
         # Before the first stroke there is nothing yet, and that is no mistake.
-        write_text(context, column, said, icon="INFO" if context.mode.startswith("PAINT") else "ERROR")
+        write_text(context, column, words.behind_rule(said), icon="INFO")
+    elif said:
+        write_text(context, column, said, icon="ERROR")
     _draw_forecast(context, column, scatter, record)
     left_out = scatter.left_out()
     if left_out:
         more = f" (and {len(left_out) - 1} more)" if len(left_out) > 1 else ""
         write_text(context, column, f"{left_out[0]}{more}", icon="ERROR")
+
+
+def _why_no_result(scene: bpy.types.Scene, scatter: ESH_PG_scatter) -> str:
+    """Say why there is no result for this scene to change, in one sentence."""
+    if not scene.is_editable:
+        return "This scene is linked from a library and cannot be changed"
+    result = scatter.result
+    if result is not None and scene.objects.get(result.name) == result and is_shared(result):
+        return "Another scene shows this result, too. Scatter makes one for this scene"
+    return "The result is no longer there"
 
 
 def _draw_forecast(

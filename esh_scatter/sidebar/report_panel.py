@@ -4,6 +4,7 @@ from typing import Any
 
 import bpy
 
+from ..editing import forecast
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import words
 from .panel_parts import SubPanel, write_text
@@ -46,7 +47,8 @@ class ESH_PT_report(SubPanel, bpy.types.Panel):
         _draw_fact(facts, "Ground Covered", f"{report['covered']:.0%}")
         _draw_fact(facts, "Time", f"{report['seconds']:.1f} s, {report['steps']} steps")
         _draw_fact(facts, "Device", report["device"].upper())
-        for note in words.notes(report):
+        foreseen = scatter.avoid_overlap and words.placed(report) <= forecast.MOST_BODIES
+        for note in words.notes(report, foreseen=foreseen):
             write_text(context, layout, note, icon="ERROR")
 
 

@@ -28,6 +28,8 @@ __all__ = [
 RESULT_TAG = "esh_scatter"
 # And that of the object which says what it stands on.
 RESULT_TARGET = "esh_scatter_target"
+# And that of a collection which holds an object with all that hangs on it: which object.
+FAMILY_OF = "esh_family_of"
 # What the points of every result have: properties alone are copied from anything to anything.
 _RESULT_ATTRIBUTES = {"instance_index": "INT", "rotation": "QUATERNION", "scale": "FLOAT_VECTOR"}
 

@@ -16,6 +16,9 @@ import bpy
 ZIP, FOLDER = sys.argv[sys.argv.index("--") + 1 :][:2]
 FOLDER = Path(FOLDER)
 
+# It would take the first click, or the first drag.
+bpy.context.preferences.view.show_splash = False
+
 answer = {"blender": bpy.app.version_string}
 
 

@@ -129,3 +129,15 @@ def test_counts_in_all_and_from_the_density_are_shared_by_footprint(scatter_sett
     assert (large, small) == ((30, 60) if expected else (164, 328))
     body_class.total = 120
     assert scatter_settings.outdated
+
+
+def test_where_there_is_no_image_its_file_is_opened(scatter_settings, tmp_path):
+    path = str(tmp_path / "ink.png")
+    image = bpy.data.images.new("Ink", 8, 8)
+    image.filepath_raw, image.file_format = path, "PNG"
+    image.save()
+    bpy.data.images.remove(image)
+    assert bpy.ops.esh.classes_from_image(filepath=path, dots=100) == {"FINISHED"}
+    assert len(scatter_settings.classes) > 0 and "ink.png" in bpy.data.images
+    with pytest.raises(RuntimeError, match="cannot be read as an image"):
+        bpy.ops.esh.classes_from_image(filepath=str(tmp_path / "nothing.png"))

@@ -94,11 +94,11 @@ def test_a_point_whose_index_has_no_source_stays_empty():
     assert set(instances(item)) == {0}
 
 
-def test_the_group_is_marked_as_ours_and_a_modifier_whatever_its_name():
+def test_the_group_is_marked_as_ours_whatever_its_name_and_no_entry_of_add_modifier():
     source("Taken")
     first, second = build_node_group("Taken", []), build_node_group("Taken", [])
     assert first != second and first.get(RESULT_TAG) and second.get(RESULT_TAG)
-    assert first.is_modifier and first.users == 0
+    assert not first.is_modifier and first.users == 0
 
 
 def nodes_in(group):

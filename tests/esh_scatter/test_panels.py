@@ -1,5 +1,6 @@
 """The panels draw in every state a file can be in."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,7 +18,7 @@ from esh.esh_scatter.properties.described import shown_settings  # noqa: E402
 from esh.esh_scatter.properties.layer import KINDS  # noqa: E402
 from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
 from esh.esh_scatter.result.result import write_result  # noqa: E402
-from esh.esh_scatter.sidebar import menus, panel_parts, panels, preset_pictures  # noqa: E402
+from esh.esh_scatter.sidebar import density_panel, menus, panel_parts, panels, preset_pictures  # noqa: E402
 from esh.esh_scatter.solving import running  # noqa: E402
 
 
@@ -55,7 +56,7 @@ class Layout:
         self._check_icon(icon)
         self.drawn.append(text if name.startswith('["') else name)
 
-    def prop_search(self, data, name, search_data, search_name, *, icon="NONE", **_options):
+    def prop_search(self, data, name, search_data, search_name, *, text=None, icon="NONE", **_options):
         assert hasattr(search_data, search_name)
         self.prop(data, name, icon=icon)
 
@@ -109,7 +110,7 @@ def empty_file():
 
 def shown_context(width: int = 300) -> SimpleNamespace:
     """Return what drawing asks of a context; without a window Blender knows no scale of its interface."""
-    preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))
+    preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0), ui_styles=bpy.context.preferences.ui_styles)
     region = SimpleNamespace(width=width)
     return SimpleNamespace(scene=bpy.context.scene, mode=bpy.context.mode, preferences=preferences, region=region)
 
@@ -239,11 +240,14 @@ def test_the_status_is_one_line_under_the_button():
     assert drawn[button + 1] == "live", "it lies beside the button"
     assert drawn[button + 2] == "1,234 placed · no overlap · very even · 1.2 s"
     assert button < drawn.index("classes"), "the button comes before the classes"
+    first = draw_all(280)
+    assert first[first.index("live") + 1] == "1,234 placed · no overlap · very even", (
+        "as wide as Blender has it at first"
+    )
+    assert "1.2 s, 150 steps" in first, "the seconds are in the report all the same"
     narrow = draw_all(235)
     lines = narrow[narrow.index("live") + 1 :][:2]
-    assert lines == ["1,234 placed · no overlap", "very even · 1.2 s"], (
-        "no part is torn in two, and no line begins with a dot"
-    )
+    assert lines == ["1,234 placed · no overlap", "very even"], "no part is torn in two, and no line begins with a dot"
     scatter.classes[0].sizes[0].count += 1
     scatter.seed += 1
     drawn = draw_all(500)
@@ -267,7 +271,13 @@ def test_overlap_is_said_before_a_run_and_shown_after_it():
     assert {"room", "gap"} <= set(drawn) and "esh.frame_overlap" not in drawn
     scatter.remember(new_result(scatter.target), report(overlaps=2, deepest_pair=[0, 1], deepest_overlap=0.1))
     assert {"esh.select_overlapping", "esh.frame_overlap"} <= set(draw_all())
+    told = report(overlaps=2, notes=["the footprints cover 300% of where they may be: at most about 80% fits"])
+    scatter.remember(scatter.result, told)
+    assert not any("cover 300%" in line for line in draw_all(800)[1:] if not line.startswith("Overlap is")), (
+        "once is enough"
+    )
     scatter.avoid_overlap = False
+    assert any("The footprints cover 300%" in line for line in draw_all(800))
     assert not {"esh.counts_to_fit", "room", "gap"} & set(draw_all())
 
 
@@ -346,15 +356,14 @@ def test_a_narrow_sidebar_cuts_no_names():
     body_class = ready_scatter().classes[0]
     body_class.count_kind = "PER_AREA"
     drawn = {}
-    for width in (250, 283, 320):
+    for width in (250, 280, 320):
         Layout.width = width
         rows = []
         for name in ("random_turn", "align_to_normal", "tilt", "count_kind", "direction_kind"):
             panel_parts.draw_property(shown_context(width), Named(rows), body_class, name)
         drawn[width] = dict(rows)
     assert set(drawn[320].values()) == {"beside"}
-    long = ("random_turn", "align_to_normal")
-    assert drawn[283] == drawn[320] | dict.fromkeys(long, "in its field"), "as wide as Blender has it at first"
+    assert drawn[280] == drawn[320] | {"random_turn": "in its field"}, "as wide as Blender has it at first"
     assert drawn[250] == {
         "random_turn": "in its field",
         "align_to_normal": "in its field",
@@ -362,6 +371,92 @@ def test_a_narrow_sidebar_cuts_no_names():
         "count_kind": "nowhere",
         "direction_kind": "beside",
     }
+
+
+@pytest.mark.parametrize("width", [200, 250, 283, 400])
+def test_lines_are_as_full_as_they_can_be(width):
+    context, drawn = shown_context(width), []
+    text = "Illicit millimeters fill little; wide MMMM and WWWW do not; anunbrokenwordthatislongerthananysidebarhasroomfor."
+    panel_parts.write_text(context, Layout(drawn), text, icon="INFO")
+    room = width - panel_parts.MARGINS - panel_parts.ICON
+    words = text.split()
+    assert " ".join(drawn).split() == words
+    for line, following in pairwise(drawn):
+        assert panel_parts.text_width(context, line) <= room or " " not in line
+        assert panel_parts.text_width(context, f"{line} {following.split()[0]}") > room, "the next word had room there"
+
+
+def test_a_checkbox_stands_below_the_other_fields_where_its_name_fits():
+    scatter = ready_scatter()
+    rows = []
+    for width in (250, 320):
+        panel_parts.draw_property(shown_context(width), Named(rows), scatter, "avoid_overlap")
+    panel_parts.draw_property(shown_context(150), Named(rows), scatter, "avoid_overlap")
+    assert rows == [("avoid_overlap", "beside")] * 2 + [("avoid_overlap", "in its field")]
+
+
+def test_painting_ends_where_it_began():
+    scatter = ready_scatter()
+    body_class = scatter.classes[0]
+    for kind, mode in (("IMAGE", "PAINT_TEXTURE"), ("VERTEX_GROUP", "PAINT_WEIGHT")):
+        body_class.layers.clear()
+        body_class.add_layer(kind)
+        drawn: dict[str, list[str]] = {}
+        for now in ("OBJECT", mode, "SCULPT"):
+            context = shown_context()
+            context.mode, drawn[now] = now, []
+            density_panel.draw_density(context, Layout(drawn[now]), scatter, body_class)
+        assert "object.mode_set" in drawn[mode] and "esh.layer_paint" not in drawn[mode]
+        for other in ("OBJECT", "SCULPT"):
+            assert "esh.layer_paint" in drawn[other] and "object.mode_set" not in drawn[other]
+
+
+def test_the_name_of_an_image_is_readable_at_any_width():
+    body_class = ready_scatter().classes[0]
+    long, short = (bpy.data.images.new(name, 4, 4) for name in ("Forest Density Mask", "Mask"))
+    layer = body_class.add_layer("IMAGE", image=long)
+    body_class.direction_kind, body_class.direction_image = "IMAGE", long
+
+    def lines(width):
+        rows = []
+        density_panel.draw_density(shown_context(width), Layout(rows), bpy.context.scene.esh_scatter.active, body_class)
+        panel_parts.draw_image(shown_context(width), Layout(rows), body_class, "direction_image")
+        return rows.count(layer.image.name)
+
+    assert (lines(280), lines(500)) == (3, 1), "the list of layers shows it in any case"
+    layer.image = body_class.direction_image = short
+    assert lines(280) == 1
+
+
+def test_only_lines_have_a_width():
+    scatter = ready_scatter()
+    obstacle = scatter.obstacles.add()
+    assert "width" in draw_all(), "nothing is chosen yet"
+    obstacle.item = new_object("House")
+    assert "width" not in draw_all() and "margin" in draw_all()
+    path = bpy.data.objects.new("Path", bpy.data.curves.new("Path", "CURVE"))
+    bpy.context.scene.collection.objects.link(path)
+    obstacle.item = path
+    assert "width" in draw_all()
+    holder = bpy.data.collections.new("Holder")
+    holder.objects.link(bpy.data.objects["House"])
+    obstacle.kind, obstacle.collection = "COLLECTION", holder
+    assert "width" not in draw_all()
+    holder.objects.link(path)
+    assert "width" in draw_all()
+
+
+def test_a_result_that_another_scene_shows_too_is_not_said_to_be_gone():
+    ready_scatter()
+    first = bpy.context.scene
+    bpy.ops.scene.new(type="LINK_COPY")
+    assert any("Another scene shows this result" in text for text in draw_all(500))
+    linked = SimpleNamespace(is_editable=False, objects=first.objects)
+    assert "linked from a library" in panels._why_no_result(linked, first.esh_scatter.active)
+    bpy.context.window.scene = first
+    for scene in [one for one in bpy.data.scenes if one != first]:
+        bpy.data.scenes.remove(scene)
+    assert not any("Another scene" in text or "no longer there" in text for text in draw_all(500))
 
 
 def test_removed_data_never_stops_the_drawing():

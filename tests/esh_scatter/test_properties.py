@@ -332,7 +332,7 @@ def test_renaming_and_removing_a_class_is_followed_by_what_may_overlap(scatter):
 @pytest.mark.parametrize(
     ("kind", "name", "value", "told"),
     [
-        ("PER_AREA", "per_area", 0.25, "0.25 per m²"),
+        ("PER_AREA", "per_area", 0.25, "0.25/m²"),
         ("DISTANCE", "distance", 1.5, "1.5 m apart"),
         ("SHARE", "cover_share", 0.5, "50% cover"),
     ],

@@ -1,5 +1,7 @@
 """From selected objects to a scatter: classes, counts, and what the buttons do with many classes."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -72,10 +74,47 @@ def test_what_has_its_origin_in_its_middle_stands_on_its_lowest_point(ground, ob
 
 def test_cover_most_mixing_and_seed_can_be_tuned(ground, objects):
     select(*objects, ground, active=ground)
-    bpy.ops.esh.scatter_selection(cover=0.05, most=60, class_separation=0.9, seed=5)
+    bpy.ops.esh.scatter_selection(cover=0.05, most=60, class_separation=0.9, boundary="OPEN", seed=5)
     scatter = bpy.context.scene.esh_scatter.active
+    assert scatter.boundary == "OPEN"
     assert sum(c.count for c in scatter.classes) == pytest.approx(60, abs=2)
     assert (scatter.seed, scatter.class_separation) == (5, pytest.approx(0.9))
+
+
+def test_nothing_lines_up_along_the_edges(ground, objects):
+    select(objects[2], ground, active=ground)
+    side, crowding = 20.0, {}
+    for boundary in ({}, {"boundary": "OPEN"}):
+        bpy.ops.esh.scatter_selection(cover=0.02, **boundary)
+        place = np.array([vertex.co[:2] for vertex in bpy.context.scene.esh_scatter.active.result.data.vertices])
+        spacing = side / math.sqrt(len(place))
+        edges = 0.2 * spacing * np.arange(11)
+        even = np.diff(side**2 - (side - 2.0 * edges) ** 2) / spacing**2
+        crowding[not boundary] = (np.histogram(np.minimum(place, side - place).min(axis=1), edges)[0] / even).max()
+    assert crowding[True] < 2.0 < crowding[False], "a hedge has several times as many as there is ground"
+
+
+def test_walls_and_balls_are_scattered_on_all_over(objects):
+    """Of a wall nothing is seen from above; which part of others is meant, the panel of the last operation asks."""
+    bpy.ops.mesh.primitive_plane_add(size=8.0, rotation=(math.pi / 2.0, 0.0, 0.0))
+    wall = bpy.context.object
+    select(objects[2], wall, active=wall)
+    assert bpy.ops.esh.scatter_selection(cover=0.02) == {"FINISHED"}
+    scatter = bpy.context.scene.esh_scatter.active
+    assert scatter.surface == "WHOLE" and not scatter.outdated
+    assert sum(0.01 * c.count for c in scatter.classes) == pytest.approx(0.02 * 64.0, rel=0.02)
+    z = np.array([vertex.co.z for vertex in scatter.result.data.vertices])
+    assert np.ptp(z) > 7.0
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=2.0)
+    ball, low = bpy.context.object, {}
+    select(objects[2], ball, active=ball)
+    for surface in ("ABOVE", "WHOLE"):
+        bpy.ops.esh.scatter_selection(cover=0.02, surface=surface)
+        scatter = bpy.context.scene.esh_scatter.active
+        assert scatter.surface == surface
+        low[surface] = min(vertex.co.z for vertex in scatter.result.data.vertices)
+    assert low["WHOLE"] < -1.5 < -0.1 < low["ABOVE"]
+    assert bpy.ops.esh.scatter_selection.get_rna_type().properties["surface"].is_skip_save, "the next ground is another"
 
 
 def test_with_only_the_ground_selected_the_active_collection_is_placed(ground, objects):

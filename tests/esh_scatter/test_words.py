@@ -1,6 +1,7 @@
 """Reports in the words of the sidebar."""
 
 import pytest
+from esh.engine.problem.cover import Cover
 from esh.esh_scatter.result import words
 
 
@@ -78,3 +79,17 @@ def test_what_lies_where_it_is_not_to_lie_is_in_the_one_line():
     for part in ("1 overlap among pinned", "2 in obstacles", "3 across the border"):
         assert part in words.summary(told)
     assert words.notes(told)[0].startswith("1 pair of pinned objects overlaps")
+
+
+def test_a_rule_is_left_out_before_what_was_given():
+    said = 'Density of class "Bush" must be above 0 somewhere; image "Bush" is 0 everywhere: paint it'
+    assert words.behind_rule(said) == 'Image "Bush" is 0 everywhere: paint it'
+    assert words.behind_rule("The target was deleted") == "The target was deleted"
+
+
+def test_what_cannot_fit_is_said_once():
+    """Below the button, where it is known before the run; the engine's own words are those that are left out."""
+    said = Cover(0.55, 0.5, 0.0).warning
+    told = report(overlaps=3, notes=[said, "2 objects lie in obstacles"])
+    assert len(words.notes(told)) == 2
+    assert words.notes(told, foreseen=True) == ["2 objects lie in obstacles"]

@@ -1,0 +1,89 @@
+"""Objects that belong together: a trunk with leaves that hang on it, an empty that shows a collection. They are placed as one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import bpy
+
+from ..targets.target import FAMILY_OF, is_result, members_of
+
+__all__ = ["as_placed", "heads_in"]
+
+# What has a footprint: others, such as lights and cameras, are passed over.
+SCATTERED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
+
+
+def heads_in(candidates: Iterable[bpy.types.Object], targets: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:
+    """Return those of some objects that can be placed on targets, by name; what hangs on another of them is part of that one."""
+    given = [item for item in candidates if item not in targets and not is_result(item)]
+    found = {item for item in given if item.type in SCATTERED_TYPES or _shown_collection(item) is not None}
+    empties = [item for item in given if item.type == "EMPTY" and item not in found]
+    # Imported models hang on them. To look for what does goes through the file.
+    hanging = _hanging() if empties else {}
+    found |= {item for item in empties if _family(item, hanging, targets)}
+    heads = [item for item in found if not any(one in found for one in _ancestors(item))]
+    return sorted(heads, key=lambda item: item.name_full)
+
+
+def as_placed(
+    heads: Sequence[bpy.types.Object], targets: Sequence[bpy.types.Object]
+) -> list[bpy.types.Object | bpy.types.Collection]:
+    """Return what to place for objects that :func:`heads_in` found: the object, or a collection where it is more than that."""
+    hanging, found = _hanging(), []
+    for head in heads:
+        family = _family(head, hanging, targets)
+        one = _collection_of(head, family) if family and family != [head] else _shown_collection(head)
+        found.append(one or head)
+    return found
+
+
+def _shown_collection(item: bpy.types.Object) -> bpy.types.Collection | None:
+    """Return the collection that an empty shows, or None."""
+    return item.instance_collection if item.type == "EMPTY" and item.instance_type == "COLLECTION" else None
+
+
+def _ancestors(item: bpy.types.Object) -> Iterable[bpy.types.Object]:
+    while item.parent is not None:
+        item = item.parent
+        yield item
+
+
+def _hanging() -> dict[bpy.types.Object, list[bpy.types.Object]]:
+    """Return what hangs on each object of the file; Blender goes through all of them for each that it is asked about."""
+    hanging: dict[bpy.types.Object, list[bpy.types.Object]] = {}
+    for item in bpy.data.objects:
+        if item.parent is not None:
+            hanging.setdefault(item.parent, []).append(item)
+    return hanging
+
+
+def _family(
+    head: bpy.types.Object,
+    hanging: dict[bpy.types.Object, list[bpy.types.Object]],
+    targets: Sequence[bpy.types.Object],
+) -> list[bpy.types.Object]:
+    """Return what can be placed of an object and all that hangs on it."""
+    family, waiting = [], [head]
+    while waiting:
+        item = waiting.pop()
+        # What was deleted from its scene still hangs there.
+        if members_of(item) and item.users_scene and not is_result(item) and item not in targets:
+            family.append(item)
+        waiting += hanging.get(item, ())
+    return family
+
+
+def _collection_of(head: bpy.types.Object, family: Sequence[bpy.types.Object]) -> bpy.types.Collection:
+    """Return a collection of a family, about the origin of its head; that of before, where there is one."""
+    found = next((one for one in bpy.data.collections if one.get(FAMILY_OF) == head), None)
+    if found is None:
+        # It is in no scene: the outliner shows its objects where they are.
+        found = bpy.data.collections.new(head.name)
+        found[FAMILY_OF] = head
+    for item in set(found.objects) - set(family):
+        found.objects.unlink(item)
+    for item in set(family) - set(found.objects):
+        found.objects.link(item)
+    found.instance_offset = head.matrix_world.translation
+    return found
