@@ -19,9 +19,10 @@ from .space import Space
 __all__ = ["MeshLayout", "open_mesh", "periodic_mesh"]
 
 LARGEST_MESH = 65536
-# Of so many times half the longest rows of a GPU on, the longest are worth their time, four times that of half of them: 10,000,000
-# bodies, 1.2 times, take 1.4 s without and 2.7 s with them, 100,000,000, 3.7 times, 32 s and 19 s.
-WORTH_LONGEST = 1.9
+# From so many times half the longest rows of a GPU on, those are worth their time, four times that of the half: 10,000,000 bodies, 1.2
+# times, take 1.4 s without them and 2.7 s with them, 100,000,000, 3.7 times, 32 s and 19 s. On meshes that are too coarse by half,
+# coverage errors of 100,000 bodies were twice as large.
+WORTH_LONGEST = 1.3
 # Open meshes have nodes beyond the domain, so that the splines of bodies on its edge find theirs.
 OPEN_MARGIN = 2
 # Nodes between the farthest pair and the wrap of an open mesh: the kernel has a kink there, and the optimal influence
