@@ -459,7 +459,9 @@ def test_final(scattered: list[Scattered]) -> dict[str, float]:
                     outward[k] = np.dot(target.matrix_world.to_3x3() @ facing, normal[k])
         size = float(np.ptp(position, axis=0).max())
         assert nearest.max() < 1e-4 * size, f"{item.name}: something is {nearest.max():.3g} m off its target"
-        assert np.mean(outward > 0.0) > 0.99, f"{item.name}: {np.mean(outward <= 0.0):.1%} stand inside"
+        # On a sharp edge the nearest face may be the other one, at a right angle.
+        inside = outward < -0.1
+        assert np.mean(inside) < 0.01, f"{item.name}: {np.mean(inside):.1%} stand inside"
         farthest = max(farthest, float(nearest.max()))
         assert report.overlaps <= 0.01 * count, f"{item.name}: {report.overlaps} pairs of footprints overlap"
     return {"placed": total, "overlaps": overlaps, "farthest_from_target": farthest}

@@ -47,26 +47,7 @@ def write_usd(file: BinaryIO, bodies: Bodies, folder: Path, ending: str = ".usdc
     world = geom.Xform.Define(stage, "/World")
     stage.SetDefaultPrim(world.GetPrim())
     instancer = geom.PointInstancer.Define(stage, "/World/Scatter")
-    references: dict[str, Path] = {}
-    targets = []
-    reach = 0.0
-    for name, prototype in zip(_identifiers(bodies.prototypes), bodies.prototypes, strict=True):
-        path = f"/World/Scatter/Prototypes/{name}"
-        asset = prototype.asset(ENDINGS, "a USD file")
-        if asset is None:
-            _define_prism(stage, path, prototype)
-            reach = max(reach, float(np.hypot(np.linalg.norm(prototype.outline, axis=1).max(), prototype.height)))
-        else:
-            turn, size = _measured(asset)
-            reach = max(reach, size)
-            # Without a type of its own, so that it has the asset's.
-            inner = path if turn is None else f"{path}/Asset"
-            if turn is not None:
-                geom.Xform.Define(stage, path).AddTransformOp().Set(turn)
-            stage.DefinePrim(inner)
-            references[inner] = asset
-        stage.GetPrimAtPath(path).SetMetadata("displayName", prototype.name)
-        targets.append(path)
+    targets, references, reach = _define_prototypes(stage, bodies.prototypes)
     instancer.CreatePrototypesRel().SetTargets(targets)
     origin = bodies.origin
     position = (bodies.position - origin).astype(np.float32)
@@ -109,6 +90,36 @@ def write_usd(file: BinaryIO, bodies: Bodies, folder: Path, ending: str = ".usdc
         exported = Path(beside) / f"bodies{ending}"
         _export(layer, exported)
         file.write(exported.read_bytes())
+
+
+def _define_prototypes(stage: Any, prototypes: tuple[Prototype, ...]) -> tuple[list[str], dict[str, Path], float]:
+    """Define what bodies are: prisms, or assets, which are still to be referred to.
+
+    Returns:
+        The paths of all in the stage, the assets by the paths that are to refer to them, and how far the largest reaches [m].
+    """
+    geom = _pxr("UsdGeom")
+    targets: list[str] = []
+    references: dict[str, Path] = {}
+    reach = 0.0
+    for name, prototype in zip(_identifiers(prototypes), prototypes, strict=True):
+        path = f"/World/Scatter/Prototypes/{name}"
+        asset = prototype.asset(ENDINGS, "a USD file")
+        if asset is None:
+            _define_prism(stage, path, prototype)
+            reach = max(reach, float(np.hypot(np.linalg.norm(prototype.outline, axis=1).max(), prototype.height)))
+        else:
+            turn, size = _measured(asset)
+            reach = max(reach, size)
+            # Without a type of its own, so that it has the asset's.
+            inner = path if turn is None else f"{path}/Asset"
+            if turn is not None:
+                geom.Xform.Define(stage, path).AddTransformOp().Set(turn)
+            stage.DefinePrim(inner)
+            references[inner] = asset
+        stage.GetPrimAtPath(path).SetMetadata("displayName", prototype.name)
+        targets.append(path)
+    return targets, references, reach
 
 
 def _export(layer: Any, path: Path) -> None:

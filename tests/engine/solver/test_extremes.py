@@ -79,7 +79,7 @@ REFUSED = {
     ),
     "a long and narrow torus": (
         lambda: Domain((10_000.0, 1.0), "periodic"),
-        "must not be more than 3,000 times longer than wide where the boundary is periodic; got (10000.0, 1.0)",
+        'must not be more than 3,000 times longer than wide where the boundary is "periodic"; got (10000.0, 1.0)',
     ),
     "cover of tiny bodies": (
         lambda: Problem(Domain((1e6, 1e6)), [BodyClass("pine", [Size("a", 1e-18)], count="cover")]),
