@@ -191,8 +191,7 @@ def _footprints(problem: Problem) -> BodyFootprints:
         factor[own] = np.concatenate([drawn.scale, np.where(np.isnan(scale), by_area, scale)])
         first[own] = len(shapes)
         shapes.extend(given.outlines)
-        turned = isinstance(given.turn, str) and given.turn == "free" and problem.classes[c].look_at is None
-        free[own] = turned and not size.kind.has_axis
+        free[own] = given.is_free and problem.classes[c].look_at is None and not size.kind.has_axis
         is_outline[own] = True
         if given.slope is not None:
             known = [k for k, image in enumerate(slopes) if image is given.slope]

@@ -168,6 +168,14 @@ class Footprints(Settings):
             check=_check_turn,
         ),
     )
+    may_turn: bool | None = field(
+        default=None,
+        metadata=setting(
+            "Whether the solver may turn bodies on from ``turn``, so that they fit",
+            more='None: where that is ``"free"``. Lines turn with their axes',
+            check=validation.check_switch,
+        ),
+    )
     room: float = field(
         default=1.0,
         metadata=setting(
@@ -236,6 +244,11 @@ class Footprints(Settings):
     def outlines(self) -> tuple[Footprint, ...]:
         """The variants."""
         return self.variants  # type: ignore[return-value]
+
+    @property
+    def is_free(self) -> bool:
+        """Whether the solver may turn bodies that are no lines."""
+        return isinstance(self.turn, str) and self.turn == "free" if self.may_turn is None else self.may_turn
 
     @property
     def body_count(self) -> int | None:

@@ -22,6 +22,7 @@ import numpy as np
 
 from .prepared_class import PreparedClass
 from .problem import Problem
+from .size import ALIKE, Size
 
 __all__ = ["LEVELS", "Groups", "group_bodies", "most_levels"]
 
@@ -72,15 +73,21 @@ class Groups:
         return np.diff(self.first_body)
 
 
-def group_bodies(problem: Problem, levels: int = LEVELS, counts: Sequence[int] | None = None) -> Groups:
+def group_bodies(
+    problem: Problem,
+    levels: int = LEVELS,
+    counts: Sequence[int] | None = None,
+    area: np.ndarray | None = None,
+) -> Groups:
     """Sort the bodies of ``problem`` into groups.
 
     Args:
         problem: What is to be placed.
         levels: Groups that a range of areas is cut into, at most.
         counts: Bodies of every class; None for those of the problem, which may have samples only.
+        area: Footprints of the bodies [m²], shape ``[body_count]``; None for those that the problem draws.
     """
-    area = problem.shared_areas()
+    area = problem.shared_areas() if area is None else area
     first_body = 0
     body_group = np.empty(len(area), dtype=np.int32)
     class_index: list[int] = []
@@ -92,7 +99,8 @@ def group_bodies(problem: Problem, levels: int = LEVELS, counts: Sequence[int] |
             first_body = bodies.stop
             level, level_emphasis = np.zeros(1, np.int32), np.array([size_emphasis])
             if size.is_range:
-                level, level_emphasis = _levels(area[bodies] / _unit_of_area(problem), _exponent(problem), levels)
+                most = most_levels(size) if levels == LEVELS else levels
+                level, level_emphasis = _levels(area[bodies] / _unit_of_area(problem), _exponent(problem), most)
             body_group[bodies] = len(emphasis) + level
             emphasis.extend(level_emphasis.tolist())
             class_index.extend([c] * len(level_emphasis))
@@ -133,16 +141,21 @@ def _size_emphases(problem: Problem, body_class: PreparedClass) -> list[float]:
     return (emphasis ** rank.astype(np.float64)).tolist()
 
 
-def most_levels(count: int) -> int:
-    """Levels that a range of so many areas is cut into at most: a handful has no use for many, each of which costs a transform."""
+def most_levels(size: Size) -> int:
+    """Levels that the areas of a size are cut into at most: a handful has no use for many, each of which costs a transform."""
+    if not size.is_range:
+        return 1
     # Counts may be larger than any float.
-    return max(FEWEST_LEVELS, min(LEVELS, math.ceil(LEVELS_PER_ROOT * math.sqrt(min(count, 10**6)))))
+    most = max(FEWEST_LEVELS, min(LEVELS, math.ceil(LEVELS_PER_ROOT * math.sqrt(min(size.count or 0, 10**6)))))
+    if size.area is not None:
+        return most
+    # Outlines have the areas that they have, and nobody asked for one size after the other to be even: what is alike is one level.
+    low, high = size.area_span
+    return min(most, math.ceil(math.log(high / low) / math.log(ALIKE)))
 
 
 def _levels(area: np.ndarray, exponent: float, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Cut areas into levels of equal width: the level of every body, and the mean emphasis of every level that has bodies."""
-    if most == LEVELS:
-        most = most_levels(len(area))
     low, high = float(area.min()), float(area.max())
     width = (high - low) / most
     if width <= 0.0:

@@ -69,7 +69,7 @@ def packable_share(sizes: Sequence[Size], room: float = 1.0, gap: float = 0.0) -
         # Lines lie side by side.
         share = FREE if size.kind.has_axis else DISCS
         if isinstance(given, Footprints):
-            free = size.kind.has_axis or (isinstance(given.turn, str) and given.turn == "free")
+            free = size.kind.has_axis or given.is_free
             share = float(np.mean([packable(elongation_of(outline), free) for outline in given.outlines]))
         # The room that outlines keep for themselves is ground that they do not cover.
         radius = float(disc_radius(size.mean_area))

@@ -85,7 +85,7 @@ class Placement:
     @property
     def area(self) -> np.ndarray:
         """Footprint of every body [m²], shape ``[n]``, float64."""
-        return self.problem.body_areas()
+        return np.array(self.problem.areas_as_outlined(self.problem.shared_areas(), self.variant, self.scale))
 
     @property
     def radius(self) -> np.ndarray:

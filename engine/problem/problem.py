@@ -257,6 +257,29 @@ class Problem(ProblemSettings):
                 areas += [new.areas([self.seed, 2, c, s]), self.fixed.area[own]]
         return np.concatenate(areas)
 
+    def areas_as_outlined(self, area: np.ndarray, variant: np.ndarray, scale: np.ndarray) -> np.ndarray:
+        """Footprints of bodies that have got other outlines than those that were drawn for them, as after an edit.
+
+        Args:
+            area: What :meth:`shared_areas` returned.
+            variant: Outline of every body among those of its size, shape ``[body_count]``.
+            scale: Factor on it, shape ``[body_count]``.
+
+        Returns:
+            The same but for sizes that take their areas from their outlines, of which fixed bodies keep theirs.
+        """
+        sizes = [size for k in self.classes for size in k.sizes]
+        if all(size.area is not None for size in sizes):
+            return area
+        result, free, begin = np.array(area), ~self.body_is_fixed(), 0
+        for size in sizes:
+            own = begin + np.flatnonzero(free[begin : begin + (size.count or 0)])
+            begin += size.count or 0
+            if size.area is None:
+                outlines = np.array([outline.area for outline in size.outlines])
+                result[own] = outlines[variant[own]] * scale[own] ** 2
+        return result
+
     def body_is_fixed(self) -> np.ndarray:
         """Whether each body is fixed, shape ``[body_count]``: of every size the new ones come first."""
         if not len(self.fixed.id):

@@ -34,7 +34,8 @@ class Standing(Settings):
     random_turn: float = field(
         default=2.0 * math.pi,
         metadata=setting(
-            "Range of random rotation about the object's own axis, half of it to either side. 360° allows any direction",
+            "Range of random rotation about the object's own axis, half of it to either side. 360° allows any direction: objects that "
+            "must not overlap then turn as they fit",
             label="Random Rotation",
             more="Long bodies lie along their direction instead",
             unit="rad",

@@ -17,11 +17,11 @@ from .line import Line
 from .settings import Choice, Settings, as_given, described, setting, settle
 from .validation import show
 
-__all__ = ["Size", "with_count"]
+__all__ = ["ALIKE", "Size", "with_count"]
 
 
 # Outlines of one size whose areas differ by no more than this factor count as alike: one group is enough for them.
-ALIKE = 2.0
+ALIKE = 4.0
 
 
 @described

@@ -164,7 +164,7 @@ def _influence(layout: MeshLayout) -> int:
 
 def _group_count(problem: Problem) -> int:
     sizes = [size for body_class in problem.classes for size in body_class.sizes]
-    return sum(most_levels(size.count or 0) if size.is_range else 1 for size in sizes)
+    return sum(most_levels(size) for size in sizes)
 
 
 def _bytes_per_charge(problem: Problem) -> int:

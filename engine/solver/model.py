@@ -153,7 +153,20 @@ class Model:
             kept = np.where(old.fixed, old.body.flags & ~int(BodyFlags.PINNED), old.body.flags)
             flags[came] |= kept[carried.source[came]]
         self.body = replace(self.body, identity=carried.identity.astype(np.int32), flags=flags)
-        self.footprints = _carried_outlines(old.footprints, self.footprints, carried.source)
+        self.take_outlines(_carried_outlines(old.footprints, self.footprints, carried.source))
+
+    def take_outlines(self, footprints: BodyFootprints) -> None:
+        """Give bodies other outlines, and those whose areas follow from their outlines their areas, charges and groups."""
+        self.footprints = footprints
+        before = self.body.area
+        area = self.problem.areas_as_outlined(before, footprints.variant, footprints.scale)
+        if area is before:
+            return
+        self.groups = group_bodies(self.problem, area=area)
+        self.body = replace(self.body, area=area, group=self.groups.body_group)
+        charge = self.charge.charge * (area / before)[self.charge.body]
+        self.charge = replace(self.charge, charge=charge * (len(charge) / charge.sum()))
+        self.interaction = _within_range(self.groups.matrix, self.charge.charge)
 
     def meeting(self, launcher: Launcher, order: np.ndarray | None = None, others: int = 0) -> Meeting:
         """Which bodies keep apart, in this order, for kernels; behind them there are ``others``, which all of them keep off.

@@ -458,7 +458,7 @@ class Solver:
         else:
             variant = outlines.variant
         scale = outlines.factor if scale is None else np.where(fixed, outlines.factor, scale)
-        self.model.footprints = outlines.with_outlines(variant, scale)
+        self.model.take_outlines(outlines.with_outlines(variant, scale))
 
     def _start_in_rectangle(
         self, before: Descent | None, position: np.ndarray, angle: np.ndarray | None, length: np.ndarray | None

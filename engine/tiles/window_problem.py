@@ -156,7 +156,6 @@ def _outlines_in(plan: Plan, box: Box, size: Size, drawn: DrawnFootprints) -> Fo
     """Footprints of a size whose bodies have these outlines, with how the ground leans in a box."""
     given = size.footprint
     assert isinstance(given, Footprints)
-    free = isinstance(given.turn, str) and given.turn == "free" and not size.kind.has_axis
     slope = given.slope
     if slope is not None:
         slope = _part_of(slope, box, tuple(max(2, math.ceil(2.0 * side / plan.fine)) for side in box.size[::-1]))
@@ -166,7 +165,8 @@ def _outlines_in(plan: Plan, box: Box, size: Size, drawn: DrawnFootprints) -> Fo
         variant=drawn.variant,
         scale=drawn.scale,
         scale_jitter=0.0,
-        turn="free" if free else drawn.turn,
+        turn=drawn.turn,
+        may_turn=given.is_free,
         slope=slope,
     )
 

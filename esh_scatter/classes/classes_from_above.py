@@ -26,7 +26,7 @@ from ...engine.surface.chart import Chart
 from .amount import Amount
 from .on_whole_surface import mean_footprint
 from .outlined_sizes import OutlinedSizes
-from .scatter_class import ScatterClass, standing_of
+from .scatter_class import ScatterClass, standing_of, turns_freely
 from .sources import EDGE_SCALES, SizeShape, engine_size, with_any_outline
 
 __all__ = ["ClassesFromAbove"]
@@ -111,7 +111,8 @@ class ClassesFromAbove:
         most = None
         if asked.count == "cover" and self._settings.avoid_overlap:
             standing = standing_of(c, self._settings)
-            outlined = [with_any_outline(size, shape) for size, shape in zip(sizes, shapes, strict=True)]
+            free = turns_freely(c, self._settings)
+            outlined = [with_any_outline(*pair, may_turn=free) for pair in zip(sizes, shapes, strict=True)]
             most = packable_share(outlined, c.room, c.gap) * _ground_for(self._chart, standing, outlined)
             density = np.minimum(density, most)
         return _Asked(asked, surface, density, most)

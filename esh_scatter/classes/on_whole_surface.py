@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,10 +21,8 @@ from ...engine.surface.instances import body_rotations, rotate
 from ...engine.surface.whole_surface import WholeSurface
 from .amount import Amount
 from .outlined_sizes import OutlinedSizes
+from .scatter_class import ScatterClass, turns_freely
 from .sources import SizeShape, engine_size, with_any_outline
-
-if TYPE_CHECKING:
-    from .scatter_class import ScatterClass
 
 __all__ = ["class_on_surface", "classes_on_surface", "headings", "mean_footprint"]
 
@@ -92,11 +89,13 @@ def classes_on_surface(
         replace(
             c,
             sizes=[
-                with_any_outline(size, shape) if shape.outlines_of_variants else size
+                with_any_outline(size, shape, may_turn=turns_freely(scatter_class, settings))
+                if shape.outlines_of_variants
+                else size
                 for size, shape in zip(c.sizes, of_class, strict=True)
             ],
         )
-        for c, of_class in zip(asked, shapes, strict=True)
+        for c, of_class, scatter_class in zip(asked, shapes, classes, strict=True)
     ]
     counted = prepare_all(asked, chart.surface, apart=True)
     check_counts([(c.name, size) for c in counted for size in c.sizes], settings.avoid_overlap)

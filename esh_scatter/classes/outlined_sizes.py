@@ -12,7 +12,7 @@ from ...engine.errors import ProblemError
 from ...engine.problem.footprints import Footprints
 from ...engine.problem.scatter_settings import ScatterSettings
 from ...engine.problem.size import Size, with_count
-from .scatter_class import ScatterClass, standing_of
+from .scatter_class import ScatterClass, standing_of, turns_freely
 from .sources import DISC_IN_POLYGON, SizeShape, disc_of_area, variant_footprints, variants_of
 from .standing import draw
 
@@ -65,7 +65,8 @@ class OutlinedSizes:
                 "that are turned over are not known"
             )
         tilt = min(tilt, right_angle)
-        standing = standing_of(self._classes[where[0]], self._settings)
+        scatter_class = self._classes[where[0]]
+        standing = standing_of(scatter_class, self._settings)
         long = np.full(len(identity), shape.line is not None)
         factor, turn = draw(standing, identity, long, self._settings.seed)
         if not shape.outlines_of_variants:
@@ -77,8 +78,13 @@ class OutlinedSizes:
             area = self._areas(where, size)
             factor = factor * np.sqrt(area / np.array([outline.area for outline in variants])[variant])
         slope = None if leaning is None else leaning[0]
-        footprint = Footprints(variants, variant=variant, scale=factor, turn=turn, slope=slope, tilt=tilt)
-        return replace(size, footprint=footprint)
+        free = turns_freely(scatter_class, self._settings)
+        footprint = Footprints(
+            variants, variant=variant, scale=factor, turn=turn, may_turn=free, slope=slope, tilt=tilt
+        )
+        # Every body takes the ground of its own outline, so that a large one has more room around it, and not that of their mean.
+        alike = len(variants) == 1 and bool((factor == factor[0]).all())
+        return replace(size, area=size.area if isinstance(shape.area, tuple) or alike else None, footprint=footprint)
 
     def _areas(self, where: tuple[int, int], size: Size) -> np.ndarray:
         """Areas of a size's bodies [m²] as the engine draws them; of those that stay, which come last, nobody asks any."""

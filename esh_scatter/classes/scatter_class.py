@@ -32,6 +32,7 @@ __all__ = [
     "direction_of",
     "point_of",
     "standing_of",
+    "turns_freely",
 ]
 
 
@@ -237,6 +238,13 @@ def direction_of(scatter_class: ScatterClass) -> str | float | np.ndarray:
 def standing_of(scatter_class: ScatterClass, settings: ScatterSettings) -> Standing:
     """Return how objects of a class stand: as it says, or as all do."""
     return scatter_class.standing or Standing(**values_of(settings, Standing))
+
+
+def turns_freely(scatter_class: ScatterClass, settings: ScatterSettings) -> bool:
+    """Tell whether objects of a class may be turned in any direction, so that they may turn on from what was drawn for them."""
+    # The sidebar keeps 32 bits of an angle.
+    any_direction = float(np.nextafter(np.float32(2.0 * math.pi), np.float32(0.0)))
+    return scatter_class.look_at is None and standing_of(scatter_class, settings).random_turn >= any_direction
 
 
 def color_of(scatter_class: ScatterClass) -> tuple[float, ...]:

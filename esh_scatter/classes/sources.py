@@ -265,12 +265,12 @@ def variant_footprints(shape: SizeShape) -> list[Footprint]:
     return [Footprint.capsule(outline.length, outline.width) for outline in measured]
 
 
-def with_any_outline(size: Size, shape: SizeShape) -> Size:
+def with_any_outline(size: Size, shape: SizeShape, *, may_turn: bool) -> Size:
     """Return a size whose bodies have the outlines of what is placed there, turned and chosen somehow."""
     if shape.line_given:
         return size
     outlines = variant_footprints(shape) if shape.outlines_of_variants else disc_of_area(1.0, leans=True)
-    return replace(size, footprint=Footprints(outlines, turn=0.0))
+    return replace(size, footprint=Footprints(outlines, turn=0.0, may_turn=may_turn))
 
 
 def disc_of_area(area: float, *, leans: bool) -> Footprint:

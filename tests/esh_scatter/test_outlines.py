@@ -11,6 +11,10 @@ bpy = pytest.importorskip("bpy")
 pytest.importorskip("shapely")
 
 import esh  # noqa: E402
+from esh.engine.problem.scatter_settings import Standing  # noqa: E402
+from esh.engine.quality.measurement import measure  # noqa: E402
+from esh.engine.solver.solver import Solver  # noqa: E402
+from esh.esh_scatter.classes.standing import draw  # noqa: E402
 from shapely.affinity import translate  # noqa: E402
 from shapely.geometry import MultiPoint, Polygon  # noqa: E402
 from shapely.strtree import STRtree  # noqa: E402
@@ -103,6 +107,52 @@ def test_no_two_objects_overlap(side, things, settings):
     assert len(seen) == sum(c.sizes[0].count for c in classes)
     assert overlapping(seen) == 0
     assert result.report.overlaps == 0
+
+
+def random_polygon(rng: np.random.Generator, area: float) -> list[tuple[float, float]]:
+    """A convex polygon of this area around the origin."""
+    angle = np.sort(rng.uniform(0.0, 2.0 * math.pi, int(rng.integers(5, 13))))
+    hull = MultiPoint(np.stack([np.cos(angle) * rng.uniform(1.0, 2.0), np.sin(angle)], axis=1)).convex_hull
+    if hull.area < 1.2:
+        return random_polygon(rng, area)
+    corners = np.array(hull.exterior.coords)[:-1] - np.array(hull.centroid.coords[0])
+    return [tuple(corner) for corner in corners * math.sqrt(area / hull.area)]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_polygons_of_all_sizes_are_parted_at_80_percent_and_stay_as_even(seed):
+    """They are so close together that they must turn, and that large ones need more room than small ones."""
+    rng = np.random.default_rng(seed)
+    area = np.exp(rng.normal(0.0, 1.0, 40))
+    kinds = collection(*(flat(f"Kind {k:02}", random_polygon(rng, a)) for k, a in enumerate(area)))
+    classes = [esh.ScatterClass("all", [esh.ScatterSize("all", 240, kinds)])]
+    side = math.sqrt(240.0 * area.mean() / 0.8)
+    settings = {"device": "cpu", "avoid_overlap": True, "seed": seed}
+    # Which of them are drawn decides how much they cover.
+    covered = esh.cover_of(esh.ScatterJob(rectangle("Measured", side, side), classes, **settings).problem).covered
+    side *= math.sqrt(covered / 0.8)
+    ground = rectangle("Ground", side, side)
+    with Solver(esh.ScatterJob(ground, classes, **settings).problem, device="cpu") as solver:
+        solver.run(100)
+        before = measure(solver.placement(), solver.launcher).coverage_error
+    result = esh.scatter(ground, classes, **settings)
+    assert result.report.covered == pytest.approx(0.8, abs=0.01)
+    assert overlapping(outlines_in_the_scene()) == result.report.overlaps == 0
+    assert result.report.coverage_error < before + 0.03
+
+
+def test_only_objects_that_may_point_anywhere_turn_as_they_fit():
+    ground, box = rectangle("Ground", 10.0, 10.0), rectangle("Box", 0.8, 0.6)
+    for random_turn in (2.0 * math.pi, 1.0, 0.0):
+        classes = [esh.ScatterClass("box", [esh.ScatterSize("all", 150, box)])]
+        result = esh.scatter(ground, classes, device="cpu", avoid_overlap=True, seed=2, random_turn=random_turn)
+        w, _, _, z = result.instances.rotation.T
+        turn = np.abs(np.angle(np.exp(2j * np.arctan2(z, w))))
+        assert result.report.overlaps == overlapping(outlines_in_the_scene()) == 0
+        assert turn.max() <= 0.5 * random_turn + 1e-5
+        drawn = np.array(draw(Standing(random_turn=random_turn), result.placement.id, np.zeros(150, bool), 2)[1])
+        turned = np.abs(np.angle(np.exp(1j * (2.0 * np.arctan2(z, w) - drawn))))
+        assert (turned > 0.01).any() == (random_turn > 6.0)
 
 
 @pytest.mark.parametrize("shape", ["plank", "box"])
@@ -316,8 +366,9 @@ def test_a_slope_holds_as_many_as_its_surface_has_room_for():
 
 @pytest.mark.parametrize("align", [1.0, 0.0])
 @pytest.mark.parametrize("ground", ["plane", "hills"])
-def test_cover_asks_for_as_much_as_can_lie_there(ground, align):
-    """Of boxes of a given turn about three quarters; of what stands upright no more than there is room for seen from above."""
+@pytest.mark.parametrize(("turn", "most"), [(0.0, 0.8), (2.0 * math.pi, 0.85)])
+def test_cover_asks_for_as_much_as_can_lie_there(ground, align, turn, most):
+    """Of boxes of a given turn about three quarters, of free ones more; of upright ones what there is room for seen from above."""
     item = rectangle("Ground", 10.0, 10.0) if ground == "plane" else terrain("Ground", 10.0, GROUNDS[ground])
     box, stone = rectangle("Box", 0.8, 0.6), disc("Stone", 0.25)
     classes = [
@@ -325,8 +376,8 @@ def test_cover_asks_for_as_much_as_can_lie_there(ground, align):
         esh.ScatterClass("stone", [esh.ScatterSize("all", None, stone)], count="cover", density=0.5),
     ]
     for made in (classes[:1], classes):
-        result = esh.scatter(item, made, device="cpu", avoid_overlap=True, align_to_normal=align)
-        assert 0.7 < result.report.covered < 0.8
+        result = esh.scatter(item, made, device="cpu", avoid_overlap=True, align_to_normal=align, random_turn=turn)
+        assert 0.7 < result.report.covered < most
         assert result.report.overlaps == overlapping(outlines_in_the_scene()) == 0
         surface = 100.0 if ground == "plane" or align == 0.0 else float(sum(face.area for face in item.data.polygons))
         assert result.placement.area.sum() == pytest.approx(result.report.covered * surface, rel=0.02)

@@ -184,7 +184,8 @@ def test_sources_keep_apart_by_their_outlines_on_a_whole_surface():
     settings = {"surface": "whole", "align_to_normal": 1.0, "random_turn": 2.0 * np.pi, "scale_jitter": 0.3, **OPTIONS}
     asked = [ScatterClass("wood", sizes)]
     result = scatter(ball, asked, **settings)
-    assert result.report.covered == pytest.approx(0.57, abs=0.05)
+    # Areas grow on average where scales vary by 30 %.
+    assert result.report.covered == pytest.approx(1.03 * (110 * 0.17 + 90 * 0.135) / 50.0, abs=0.02)
     assert result.report.overlaps == 0
     assert len(set(np.round(result.instances.scale, 4))) > 100
     # Objects stand along shading normals, outlines lie on the faces.

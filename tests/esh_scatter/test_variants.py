@@ -47,8 +47,9 @@ def test_objects_of_a_collection_are_placed_as_often_as_their_weights_say():
     share = np.bincount(weighted.instances.source, minlength=3) / 900
     names = [source.name for source in weighted.sources]
     assert share[names.index("Ash")] == 0.0 and share[names.index("Oak")] == pytest.approx(6 / 7, abs=0.05)
-    # The mean of their areas is weighed, too.
-    job = esh.ScatterJob(ground, [esh.ScatterClass("c", [esh.ScatterSize("s", 9, trees, weights={"Oak": 2.0})])])
+    # The mean of their areas is weighed, too, where all take as much ground.
+    classes = [esh.ScatterClass("c", [esh.ScatterSize("s", 9, trees, weights={"Oak": 2.0})])]
+    job = esh.ScatterJob(ground, classes, avoid_overlap=False)
     assert job.problem.classes[0].sizes[0].area == pytest.approx((0.04 + 0.09 + 2 * 0.16) / 4)
 
 

@@ -100,6 +100,18 @@ def test_given_turns_scales_and_variants_are_kept_body_by_body(contact):
     assert placement.report.overlaps == contact.overlaps_by_shapely(placement)[0] == 0
 
 
+def test_bodies_may_turn_on_from_the_turns_that_are_given_for_them(contact):
+    turn = np.random.default_rng(2).uniform(-3, 3, 150)
+    planks = Footprints(PLANK, turn=turn, may_turn=True)
+    placement = solve(problem_of(planks, 150, 11.5), device="cpu")
+    turned = np.abs(np.angle(np.exp(1j * (placement.angle - turn))))
+    assert placement.report.overlaps == contact.overlaps_by_shapely(placement)[0] == 0
+    assert np.median(turned) > 0.1, "so close together that random turns do not fit"
+    kept = solve(problem_of(Footprints(PLANK, turn="free", may_turn=False), 60, 11.5), device="cpu")
+    drawn = kept.problem.classes[0].sizes[0].footprints([4, 5, 0, 0]).turn
+    np.testing.assert_allclose(np.angle(np.exp(1j * (kept.angle - drawn))), 0.0, atol=1e-5)
+
+
 def test_a_run_that_settled_and_parted_has_converged():
     assert solve(problem_of(PLANK, 100, 11.0), device="cpu").report.converged
 
@@ -392,7 +404,7 @@ def test_outlines_that_lean_with_the_ground_are_parted_as_they_are_seen_from_abo
 
     slope = sloping()
     footprints = Footprints([PLANK, Footprint.rectangle(0.9, 0.8)], scale_jitter=0.3, turn=turn, slope=slope)
-    placement = solve(problem_of(footprints, 170, 14.0, domain=domain), device="cpu")
+    placement = solve(problem_of(footprints, 170, 14.0, domain=domain), device="cpu", max_steps=150)
     shapes = []
     for i in range(len(placement.position)):
         c, s = math.cos(placement.angle[i]), math.sin(placement.angle[i])
