@@ -18,14 +18,13 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..device.running_sum import running_sum
+from ..field import blur
 from ..space.cell_sort import CellSort
 from ..surface import kernels_facets
 from ..surface.facets import Facets
@@ -44,8 +43,9 @@ from .points import (
     taken,
     thinned,
 )
+from .softness import Softness, near_force, near_terms, shares_of_blur, shares_of_groups
 
-__all__ = ["Cascade", "Softness"]
+__all__ = ["Cascade"]
 
 # Distance of nodes over the level's length, and how much farther a home may be.
 NODE_DISTANCE = 0.7
@@ -64,9 +64,6 @@ OCTAVE_REACH = 3.5
 NEAR_REACH = 3.6
 NEAR_OCTAVES = 13
 TABLE_SIZE = 2048
-# Octaves that are taken from -log r to have the near part between charges, and places that its polynomial is fitted to.
-FAR_OCTAVES = 40
-FITTED = 4001
 # Nodes whose normals are farther apart see nothing of each other.
 LEAST_COSINE = -0.95
 # Where charges are points, the target of the near part is blurred by this share of the spacing: bodies cannot resolve more, and would
@@ -88,6 +85,8 @@ SAME_SHARE = 1e-9
 # Distance of what the near part of the target's force is summed over where there is far more of it.
 SOURCE_DISTANCE = 0.3
 MANY_SOURCES = 4.0
+# Largest variance of the blur of a charge, in squared lengths: what is blurred more is still seen where the near part ends.
+WIDEST_VARIANCE = 0.3
 # Fewer nodes need no coarser ones.
 FEWEST_NODES = 12
 
@@ -104,20 +103,6 @@ class _Level:
     up_value: wp.array | None = None
     down: Lists | None = None
     down_value: wp.array | None = None
-
-
-class Softness(NamedTuple):
-    """How soft charges are, in lengths of the cascade.
-
-    Attributes:
-        blur: Width of the Gaussian that they, and what attracts them, are blurred by.
-        core: Strength of what keeps them apart beside that, see :mod:`esh.engine.field.blur`.
-        reach: Distance at which this ends.
-    """
-
-    blur: float
-    core: float
-    reach: float
 
 
 class _Parts:
@@ -222,6 +207,7 @@ class Cascade:
         softness: Softness | None = None,
     ) -> None:
         self.launcher, self._length, self._softness = launcher, length, softness
+        self._differing = softness if softness is not None and softness.differs else None
         device = launcher.device
         self._facets = on_device
         self.group_count = len(interaction)
@@ -229,7 +215,6 @@ class Cascade:
         self._charge = launcher.array(charge, float)
         self._group = launcher.array(charge_group, wp.int32)
         uniform = _same_everywhere(share, facets.tile_area)
-        table_of_target = self._make_table(uniform)
 
         tiles = empty_points(launcher, facets.tile_count)
         launcher.launch(
@@ -241,11 +226,6 @@ class Cascade:
         is_full = share.max(axis=0) > 0.0
         parts = _Parts(launcher, facets, on_device, is_full, [*share, facets.tile_area], LARGE_TILE * length**2)
         sources = tiles if is_full.all() else chosen(launcher, tiles, parts.tile[0])
-        self._target_nearby = kernels_cascade.NearTarget()
-        self._target_nearby.force = self._find_near_target(facets, tiles, parts, len(share), table_of_target)
-        self._target_nearby.corner_count, self._target_nearby.column_count = facets.corner_count, len(share)
-        self._target_nearby.attraction = wp.array(attraction.ravel(), dtype=float, device=device)
-
         width = WIDTH * length
         apart = NODE_DISTANCE * length
         on_surface = chosen(launcher, sources, thinned(launcher, sources, apart))
@@ -260,11 +240,13 @@ class Cascade:
         pairs = runs_of(launcher, lists_of(launcher, nodes, nodes, cutoff + 2.0 * NODE_DISTANCE * length, LEAST_COSINE))
         self._nearby = kernels_cascade.NearPart()
         self._nearby.start, self._nearby.near, self._nearby.cutoff = pairs.start, pairs.entry, cutoff
-        self._nearby.term = wp.array(_near_terms(NEAR_REACH / math.sqrt(2.0), softness), dtype=float, device=device)
         self._nearby.interaction = self._interaction
+        same_where_full = uniform
         if not is_full.all():
-            uniform = _same_everywhere(share[:, is_full], facets.tile_area[is_full])
-        self.node_share, self.node_area = self._shared_out(parts, share.sum(axis=1), uniform)
+            same_where_full = _same_everywhere(share[:, is_full], facets.tile_area[is_full])
+        self.node_share, self.node_area = self._shared_out(parts, share.sum(axis=1), same_where_full)
+        self._set_softness(charge)
+        self._find_near_target(facets, tiles, parts, attraction, self._make_table(uniform), charge, charge_group)
         target = attraction @ self.node_share
         self._target = wp.array(target.T.ravel(), dtype=float, device=device)
         self._make_levels(nodes, facets.extent * math.sqrt(3.0))
@@ -297,6 +279,9 @@ class Cascade:
                 [self._sorted],
                 grain=GRAIN_OF_NEIGHBORS,
             )
+            if self._variance is not None:
+                inputs = [homed.order, self._charge_share, facet, weight, self._variance, self._facets]
+                launch(kernels_cascade.blur_charges, n, inputs, [self._sorted])
             launch(
                 kernels_cascade.deposit,
                 self.node_count,
@@ -386,11 +371,12 @@ class Cascade:
         cutoff = NEAR_REACH * math.sqrt(squares[0] + (BLUR * self._length) ** 2)
         square = np.linspace(0.0, cutoff**2, TABLE_SIZE + 1)[:, None]
         force = []
-        for blur in (BLUR, BLUR_OF_UNIFORM):
+        for share in (BLUR, BLUR_OF_UNIFORM):
             if self._softness is not None:
-                force.append(_near_force(square[:, 0] / self._length**2, self._softness.blur))
+                width = 0.0 if self._softness.differs else self._softness.blur
+                force.append(near_force(square[:, 0] / self._length**2, width))
                 continue
-            blurred = squares + (blur * self._length) ** 2
+            blurred = squares + (share * self._length) ** 2
             ratio = square / blurred
             force.append((math.log(2.0) * squares / blurred * ratio * np.exp(-0.5 * ratio)).sum(axis=1))
         table = kernels_cascade.NearTable()
@@ -398,13 +384,49 @@ class Cascade:
         table.kind = wp.array(uniform.astype(np.int32), dtype=wp.int32, device=self.launcher.device)
         table.size = TABLE_SIZE + 1
         table.scale, table.cutoff = TABLE_SIZE / cutoff**2, cutoff
+        table.blurs = int(self._differing is not None)
         return table
 
+    def _set_softness(self, charge: np.ndarray) -> None:
+        """Say what the near part between two charges is."""
+        near, softness = self._nearby, self._differing
+        near.blurs, near.core, near.core_end = 0, 0.0, 1.0
+        if softness is not None:
+            near.blurs, near.core, near.core_end = 1, softness.core, 0.5 * (softness.reach / softness.blur) ** 2
+            self._charge_share = self.launcher.array(shares_of_blur(charge), float)
+        terms = near_terms(NEAR_REACH / math.sqrt(2.0), None if softness is not None else self._softness)
+        near.term = wp.array(terms, dtype=float, device=self.launcher.device)
+
+    def _variances(self, points: Points, home: wp.array) -> wp.array:
+        """Variance of the blur of a mean charge at points, by their homes."""
+        assert self._differing is not None
+        launcher, square = self.launcher, self._length**2
+        number = launcher.array(np.array(self._differing.number) @ self.node_share, float)
+        area = launcher.array(self.node_area, float)
+        usual = 0.5 * self._differing.blur**2 * square
+        bounds = (blur.LOWEST * usual, min(blur.WIDEST * usual, WIDEST_VARIANCE * square))
+        result = launcher.empty(len(home), float)
+        launcher.launch(
+            kernels_cascade.follow_density,
+            len(home),
+            [points, home, self._weights, number, area, self._length, usual, blur.EXPONENT, *bounds],
+            [result],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
+        return result
+
     def _find_near_target(
-        self, facets: Facets, tiles: Points, parts: _Parts, columns: int, table: kernels_cascade.NearTable
-    ) -> wp.array:
-        """The near part of the target's force at the corners of all tiles, image after image, ``wp.vec3``."""
-        launcher, count = self.launcher, facets.corner_count
+        self,
+        facets: Facets,
+        tiles: Points,
+        parts: _Parts,
+        attraction: np.ndarray,
+        table: kernels_cascade.NearTable,
+        charge: np.ndarray,
+        charge_group: np.ndarray,
+    ) -> None:
+        """Find the near part of the target's force at the corners of all tiles, for every share of the blur, image after image."""
+        launcher, count, columns = self.launcher, facets.corner_count, attraction.shape[1]
         at_corners, tile = empty_points(launcher, count), launcher.empty(count, wp.int32)
         outputs = [at_corners.position, at_corners.normal, tile]
         launcher.launch(kernels_facets.locate_corners, count, [facets.count, self._facets], outputs)
@@ -413,29 +435,48 @@ class Cascade:
         cell = max(SAME_PLACE, facets.extent / (1 << 20))
         first, which = alike(launcher, at_corners, -0.5 * (facets.size + cell), cell, 1.0 / SAME_SIDE)
         corners = chosen(launcher, at_corners, first)
-        sources, source_count = self._sources(facets, parts, columns, table.cutoff)
-        force = launcher.empty(columns * len(first), wp.vec3)
+        shares, of_group, of_target = np.ones(1), np.zeros(self.group_count, np.int32), 1.0
+        variance = launcher.empty(0, float)
+        self._variance = None
+        if self._differing is not None:
+            self._variance = self._variances(at_corners, taken(launcher, tile, self.home))
+            variance = taken(launcher, first, self._variance)
+            shares, of_group = shares_of_groups(charge, charge_group, self.group_count)
+            of_target = float(np.average(shares_of_blur(charge), weights=charge))
+        sources, source_count = self._sources(facets, parts, columns, table.cutoff, of_target)
+        force = launcher.empty(len(shares) * columns * len(first), wp.vec3)
+        for number, share in enumerate(shares.tolist()):
+            inputs = [corners, sources, columns, source_count, table, variance, share, number * columns * len(first)]
+            launcher.launch(kernels_cascade.near_target, len(first), inputs, [force], grain=GRAIN_OF_NEIGHBORS)
+        everywhere = launcher.empty(len(shares) * columns * count, wp.vec3)
         launcher.launch(
-            kernels_cascade.near_target,
-            len(first),
-            [corners, sources, columns, source_count, table],
-            [force],
-            grain=GRAIN_OF_NEIGHBORS,
+            kernels_points.spread_vectors, count, [which, len(first), len(shares) * columns, force], [everywhere]
         )
-        everywhere = launcher.empty(columns * count, wp.vec3)
-        launcher.launch(kernels_points.spread_vectors, count, [which, len(first), columns, force], [everywhere])
-        return everywhere
+        self._target_nearby = target = kernels_cascade.NearTarget()
+        target.force, target.corner_count, target.column_count = everywhere, count, columns
+        target.attraction = wp.array(attraction.ravel(), dtype=float, device=launcher.device)
+        target.share = wp.array(of_group, dtype=wp.int32, device=launcher.device)
 
     def _sources(
-        self, facets: Facets, parts: _Parts, columns: int, cutoff: float
+        self, facets: Facets, parts: _Parts, columns: int, cutoff: float, of_target: float
     ) -> tuple[kernels_cascade.Sources, int]:
-        """What the near part of the target's force is summed over, in the order of its cells, and how many points that are."""
+        """What the near part of the target's force is summed over, in the order of its cells, and how many points that are.
+
+        Where it differs, they are blurred by ``of_target`` of the variance of a mean charge.
+        """
         launcher, points, charge = self.launcher, parts.points, parts.all_amounts(columns)
+        variance = None
+        if self._differing is not None:
+            homes = np.concatenate([taken(launcher, tile, self.home).numpy() for tile in parts.tile])
+            variance = of_target * self._variances(points, launcher.array(homes, wp.int32)).numpy()
         # On a mesh that is finer than bodies can tell, many points count as one.
         apart = SOURCE_DISTANCE * self._length
         if len(points.position) * apart**2 > MANY_SOURCES * facets.area.sum():
-            points, charge = self._fewer(points, charge, columns, apart)
+            points, charge, variance = self._fewer(points, charge, columns, apart, variance)
         count = len(points.position)
+        if variance is not None:
+            columns += 1
+            charge = launcher.array(np.concatenate([charge.numpy(), variance.astype(np.float32)]), float)
         sources = kernels_cascade.Sources()
         sources.grid = grid_of(launcher, points.position, cutoff)
         # Kernels read beyond the ends: see LANES.
@@ -444,8 +485,13 @@ class Cascade:
         launcher.launch(kernels_cascade.sort_sources, count, [points, charge, columns], [sources])
         return sources, count
 
-    def _fewer(self, points: Points, charge: wp.array, columns: int, apart: float) -> tuple[Points, wp.array]:
-        """Fewer points, so far apart, that have the charges of those near them, column after column, and lie in their middle."""
+    def _fewer(
+        self, points: Points, charge: wp.array, columns: int, apart: float, variance: np.ndarray | None
+    ) -> tuple[Points, wp.array, np.ndarray | None]:
+        """Fewer points, so far apart, that have the charges of those near them, column after column, and lie in their middle.
+
+        The variances of their blurs, where these differ, are means.
+        """
         launcher, count = self.launcher, len(points.position)
         few = chosen(launcher, points, thinned(launcher, points, apart))
         nearest = nearest_of(launcher, points, few, 2.0 * apart, apart).numpy()
@@ -457,7 +503,8 @@ class Cascade:
         number = np.bincount(nearest, minlength=len(few.position))
         middle = np.stack([added(axis) / number for axis in points.position.numpy().astype(np.float64).T], axis=1)
         few.position.assign(middle.astype(np.float32))
-        return few, launcher.array(summed.astype(np.float32), float)
+        variance = None if variance is None else added(variance) / number
+        return few, launcher.array(summed.astype(np.float32), float), variance
 
     def _shared_out(self, parts: _Parts, total: np.ndarray, uniform: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Share images out among the nodes, as charges are; and the area of the tiles that are full.
@@ -569,31 +616,6 @@ def _same_everywhere(share: np.ndarray, area: np.ndarray) -> np.ndarray:
     """Which images are uniform, shape ``[column_count]``: they have as much of every tile as it has area."""
     ratio = share / area
     return ratio.max(axis=1) - ratio.min(axis=1) <= SAME_SHARE * ratio.max(axis=1)
-
-
-def _near_force(squared: np.ndarray, blur: float = 0.0) -> np.ndarray:
-    """Distance times force of the near part between two charges: that of -log r, blurred, less all octaves that go to nodes.
-
-    Args:
-        squared: Squares of distances, in lengths, shape ``[n]``.
-        blur: Width of the blur between them, in lengths.
-    """
-    ratio = squared[:, None] / 4.0 ** (np.arange(FAR_OCTAVES) + 0.5)
-    force = 1.0 - (math.log(2.0) * ratio * np.exp(-0.5 * ratio)).sum(axis=1)
-    return force - np.exp(-0.5 * squared / blur**2) if blur > 0.0 else force
-
-
-@lru_cache(maxsize=16)
-def _near_terms(cutoff: float, softness: Softness | None) -> np.ndarray:
-    """Factors of the polynomial of the near part between charges (:class:`.NearPart`)."""
-    squared = np.linspace(0.0, 1.0, FITTED)
-    if softness is None:
-        force = _near_force(cutoff**2 * squared)
-    else:
-        core = np.maximum(1.0 - squared * (cutoff / softness.reach) ** 2, 0.0) ** 2
-        force = _near_force(cutoff**2 * squared, softness.blur) + softness.core * core
-    fit = np.polynomial.Chebyshev.fit(squared, force, kernels_cascade.NEAR_TERMS - 1, domain=[0.0, 1.0])
-    return fit.convert(kind=np.polynomial.Polynomial).coef
 
 
 def _homed(points: Points, home: wp.array, sort: CellSort) -> kernels_cascade.Homed:

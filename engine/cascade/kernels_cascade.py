@@ -56,7 +56,8 @@ class Homed:
 class SortedCharges:
     """Charges home after home: their group, and their numbers, each of all charges after the one before.
 
-    These are x, y and z, those of the normal, the charge, and how it is shared out: value and slope of :class:`Row`.
+    These are x, y and z, those of the normal, the charge, how it is shared out (value and slope of :class:`Row`), and the variance
+    that it is blurred by, where that differs.
     """
 
     group: wp.array(dtype=wp.int32)
@@ -76,13 +77,17 @@ class NearTable:
     size: wp.int32
     scale: wp.float32
     cutoff: wp.float32
+    # Whether the table is that of points, and every pair takes from it what its own blur does.
+    blurs: wp.int32
 
 
 @wp.struct
 class NearPart:
     """What is summed over pairs: the runs of homes near each home (``near`` from ``start`` on), the force, and M, flat.
 
-    Distance times force is a polynomial of the square of the distance over that of ``cutoff``, where it ends: by ``term``.
+    Distance times force is a polynomial of the square of the distance over that of ``cutoff``, where it ends: by ``term``. Where
+    ``blurs``, that is the one of points, and the blur of every pair, with a core of this strength that ends at this q (see
+    :mod:`esh.engine.field.blur`), adds to it.
     """
 
     start: wp.array(dtype=wp.int32)
@@ -90,13 +95,16 @@ class NearPart:
     term: wp.array(dtype=float)
     cutoff: wp.float32
     interaction: wp.array(dtype=float)
+    blurs: wp.int32
+    core: wp.float32
+    core_end: wp.float32
 
 
 @wp.struct
 class Sources:
     """Points that a target is drawn to, in the order of their cells: their part, and numbers, each of all points after the one before.
 
-    These are x, y and z, those of the normal, and the charge of every image.
+    These are x, y and z, those of the normal, the charge of every image, and the variance that it is blurred by, where that differs.
     """
 
     grid: PointGrid
@@ -106,12 +114,17 @@ class Sources:
 
 @wp.struct
 class NearTarget:
-    """The near part of the target's force at corners of tiles, image after image, and the charge of each that every group sees."""
+    """The near part of the target's force at corners of tiles, image after image, and the charge of each that every group sees.
+
+    Where small charges are blurred less there is a force for each of a few shares, one after the other, and every group has the number
+    of its own, ``share``.
+    """
 
     force: wp.array(dtype=wp.vec3)
     corner_count: wp.int32
     column_count: wp.int32
     attraction: wp.array(dtype=float)
+    share: wp.array(dtype=wp.int32)
 
 
 @wp.func
@@ -142,7 +155,8 @@ OF_NORMAL = wp.constant(3)
 OF_CHARGE = wp.constant(6)
 OF_VALUE = wp.constant(7)
 OF_SLOPE = wp.constant(11)
-CHARGE_PLANES = 14
+OF_VARIANCE = wp.constant(14)
+CHARGE_PLANES = 15
 NODE_PLANES = 6
 # Native code because these loops are most of a step's time. A CPU takes so many neighbors at once, a GPU one: those of a run lie side
 # by side. What lies behind the end of a run is read, too, and does not count.
@@ -195,6 +209,16 @@ _LANES = f"""
     auto whole = [](V v) -> I {{ return __builtin_convertvector(v, I); }};
     auto real = [](I v) -> V {{ return __builtin_convertvector(v, V); }};
 #endif
+    // exp(-q): a polynomial of q / 16, four times squared. Beyond 14 it is nothing.
+    auto fading = [&](V q) -> V
+    {{
+        const V t = most(q * -0.0625f, (V)-0.9f);
+        V e = 1.0f + t * (1.0f + t * (0.5f + t * (0.16666667f + t * (0.041666667f + t * 0.0083333333f))));
+        e = e * e;
+        e = e * e;
+        e = e * e;
+        return e * e;
+    }};
 """
 _PLANES = f"""{_LANES}
     const float* x = plane.data;
@@ -343,7 +367,9 @@ def gather_at_node(
 
 @wp.func_native(f"""{_PLANES}
     const float* charge = up_z + count;
+    const float* variance = x + {OF_VARIANCE} * count;
     const float* factor = interaction.data + group * group_count;
+    const float per_core_end = 1.0f / core_end;
     V to_x = (V)0.0f, to_y = (V)0.0f, to_z = (V)0.0f;
     for (int k = first_run; k < last_run; ++k)
     {{
@@ -368,6 +394,12 @@ def gather_at_node(
             const V at = square * inverse_cutoff;
             V force = (V)term.data[{NEAR_TERMS} - 1];
             for (int t = {NEAR_TERMS} - 2; t >= 0; --t) force = force * at + term.data[t];
+            if (blurs)
+            {{
+                const V q = 0.5f * square / (load(variance + j) + own_variance);
+                const V core_left = most(1.0f - q * per_core_end, (V)0.0f);
+                force += core * core_left * core_left - fading(q);
+            }}
             // A charge is at no distance from itself, and so its term vanishes.
             V strength = amount * force / (square + 1e-12f);
             strength = ((at < 1.0f) & (j + lane < end)) ? strength : (V)0.0f;
@@ -393,11 +425,16 @@ def sum_near(
     term: wp.array(dtype=float),
     interaction: wp.array(dtype=float),
     group_count: int,
+    blurs: int,
+    own_variance: float,
+    core: float,
+    core_end: float,
 ) -> wp.vec3: ...
 
 
 @wp.func_native(f"""{_PLANES}
     const float* charge = up_z + (column + 1) * count;
+    const float* variance = up_z + (column_count + 1) * count;
     const float* entries = table.data + table_first;
     const int last = table_size - 2;
     V to_x = (V)0.0f, to_y = (V)0.0f, to_z = (V)0.0f;
@@ -412,7 +449,8 @@ def sum_near(
         I cell = whole(at);
         cell = cell > last ? (I)last : cell;
         const V low = get(entries, cell);
-        const V force = low + (at - real(cell)) * (get(entries, cell + 1) - low);
+        V force = low + (at - real(cell)) * (get(entries, cell + 1) - low);
+        if (blurs) force -= fading(0.5f * square / (load(variance + j) + own_variance));
         V strength = load(charge + j) * (0.5f + 0.5f * cosine) * force / most(square, (V)1e-12f);
         strength = ((square < square_cutoff) & (numbers(labels.data + j) == label) & (j + lane < end)) ? strength : (V)0.0f;
         to_x += strength * dx;
@@ -431,11 +469,14 @@ def pull_of_sources(
     plane: wp.array(dtype=float),
     count: int,
     column: int,
+    column_count: int,
     square_cutoff: float,
     table: wp.array(dtype=float),
     table_first: int,
     table_size: int,
     table_scale: float,
+    blurs: int,
+    own_variance: float,
 ) -> wp.vec3: ...
 
 
@@ -598,6 +639,63 @@ def deposit(
         group_count,
         node_charge,
     )
+
+
+@wp.kernel
+def blur_charges(
+    first: int,
+    order: wp.array(dtype=wp.int32),
+    share: wp.array(dtype=float),
+    facet: wp.array(dtype=wp.int32),
+    weight: wp.array(dtype=wp.vec2),
+    variance: wp.array(dtype=float),
+    facets: Facets,
+    # outputs
+    sorted_charges: SortedCharges,
+):
+    """Blur charges by their share of the variance of their place, which is known at the corners of tiles."""
+    s = first + wp.tid()
+    i = order[s]
+    count = sorted_charges.group.shape[0]
+    of_place = interpolated(facet[i], weight[i], variance, 0, facets)
+    sorted_charges.plane[OF_VARIANCE * count + s] = share[i] * of_place
+
+
+@wp.kernel
+def follow_density(
+    first: int,
+    points: Points,
+    home: wp.array(dtype=wp.int32),
+    weights: Weights,
+    number: wp.array(dtype=float),
+    area: wp.array(dtype=float),
+    length: float,
+    usual: float,
+    exponent: float,
+    lowest: float,
+    highest: float,
+    # outputs
+    variance: wp.array(dtype=float),
+):
+    """Variances of the blur of mean charges: a power of the number density near points, between bounds.
+
+    ``number`` and ``area`` are charges and area that nodes stand for; where there is one charge for every square of the ``length``, it
+    is the ``usual`` one.
+    """
+    i = first + wp.tid()
+    nodes = weights.nodes
+    inverse_reach = 1.0 / (REACH_SQUARED * weights.width * weights.width)
+    charges = float(0.0)
+    ground = float(0.0)
+    for k in range(weights.start[home[i]], weights.start[home[i] + 1]):
+        for j in range(weights.near[k][0], weights.near[k][1]):
+            w = node_weight(nodes.position[j] - points.position[i], points.normal[i], nodes.normal[j], inverse_reach)
+            charges += w * number[j]
+            ground += w * area[j]
+    result = highest
+    if ground > 0.0 and charges > 0.0:
+        result = wp.clamp(usual * wp.pow(charges * length * length / ground, -exponent), lowest, highest)
+    variance[i] = result
 
 
 @wp.kernel
@@ -782,12 +880,12 @@ Slots = wp.types.vector(27, wp.int32)
 def sort_sources(
     first: int,
     points: Points,
-    charge: wp.array(dtype=float),
+    column: wp.array(dtype=float),
     column_count: int,
     # outputs
     sources: Sources,
 ):
-    """Bring points and their charges into the order of their cells."""
+    """Bring points and their columns, their charges and what else there is, into the order of their cells."""
     s = first + wp.tid()
     count = points.position.shape[0]
     i = sources.grid.order[s]
@@ -796,7 +894,7 @@ def sort_sources(
         sources.plane[k * count + s] = points.position[i][k]
         sources.plane[(3 + k) * count + s] = points.normal[i][k]
     for c in range(column_count):
-        sources.plane[(6 + c) * count + s] = charge[c * count + i]
+        sources.plane[(6 + c) * count + s] = column[c * count + i]
 
 
 @wp.kernel
@@ -807,11 +905,20 @@ def near_target(
     column_count: int,
     source_count: int,
     table: NearTable,
+    variance: wp.array(dtype=float),
+    share: float,
+    force_start: int,
     # outputs
     force: wp.array(dtype=wp.vec3),
 ):
-    """The near part of the force of every image's target at the corners of tiles; cells are as large as the cut-off."""
+    """The near part of the force of every image's target at the corners of tiles; cells are as large as the cut-off.
+
+    It acts on charges that are blurred by a ``share`` of the ``variance`` of their place, where that differs.
+    """
     i = first + wp.tid()
+    own_variance = float(0.0)
+    if table.blurs != 0:
+        own_variance = share * variance[i]
     grid = sources.grid
     cell = cell_at(corners.position[i], grid.inverse_size)
     slots = Slots()
@@ -836,13 +943,16 @@ def near_target(
                     sources.plane,
                     source_count,
                     c,
+                    column_count,
                     table.cutoff * table.cutoff,
                     table.force,
                     table.kind[c] * table.size,
                     table.size,
                     table.scale,
+                    table.blurs,
+                    own_variance,
                 )
-        force[c * corners.position.shape[0] + i] = total
+        force[force_start + c * corners.position.shape[0] + i] = total
 
 
 @wp.func
@@ -901,6 +1011,10 @@ def force_of_near_charges(
         near.term,
         near.interaction,
         group_count,
+        near.blurs,
+        number_of(s, OF_VARIANCE, charges),
+        near.core,
+        near.core_end,
     )
 
 
@@ -929,8 +1043,9 @@ def evaluate(
     home = charges.home[i]
     force = force_of_nodes(s, home, sorted_charges, weights, potential, group_count)
     force += force_of_near_charges(s, home, sorted_charges, charges.start, near, group_count)
+    start = target.share[group] * target.column_count * target.corner_count
     for c in range(target.column_count):
         amount = target.attraction[group * target.column_count + c]
         if amount != 0.0:
-            force -= amount * interpolated(facet[i], weight[i], target.force, c * target.corner_count, facets)
+            force -= amount * interpolated(facet[i], weight[i], target.force, start + c * target.corner_count, facets)
     field[i] = force - wp.dot(force, normal) * normal

@@ -104,6 +104,7 @@ class SurfaceDescent:
         of_group = np.zeros((model.groups.count, len(share)))
         of_group[np.arange(len(column)), column] = model.group_charge
         self._own_forces, interaction = own_forces(model, launcher, self.facets, on_device, share)
+        softness = softness_of(model)
         self.cascade = Cascade(
             launcher,
             self.facets,
@@ -113,9 +114,12 @@ class SurfaceDescent:
             interaction=interaction,
             charge=model.charge.charge,
             charge_group=model.body.group[model.charge.body],
-            softness=softness_of(model),
+            softness=softness,
         )
-        potential = correlation_potential(model, self.cascade.node_share, self.cascade.node_area)
+        # What is blurred as its target is has no such bias.
+        potential = None
+        if softness is None:
+            potential = correlation_potential(model, self.cascade.node_share, self.cascade.node_area)
         if potential is not None:
             self.cascade.set_offset(potential)
         self.ground = self._make_ground(on_device, share, model.interaction @ of_group)

@@ -63,6 +63,9 @@ class OwnForces:
         self._facets = seen_from_afar(launcher, facets, on_device, length)
         row = np.flatnonzero(model.body.group[model.charge.body] == group)
         charge = model.charge.charge[row]
+        softness = softness_of(model)
+        if softness is not None and softness.number is not None:
+            softness = softness._replace(number=(float(len(row)),))
         self._cascade = Cascade(
             launcher,
             facets,
@@ -73,7 +76,7 @@ class OwnForces:
             charge=charge,
             charge_group=np.zeros(len(row), np.int32),
             length=length,
-            softness=softness_of(model),
+            softness=softness,
         )
         self._row = wp.array(row.astype(np.int32), dtype=wp.int32, device=launcher.device)
         self._own = Charges()

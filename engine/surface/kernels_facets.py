@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
 wp.set_module_options({"enable_backward": False})
@@ -129,7 +131,7 @@ def corner_number(i: int, j: int, facet: int, facets: Facets):
 
 
 @wp.func
-def interpolated(facet: int, weight: wp.vec2, values: wp.array(dtype=wp.vec3), start: int, facets: Facets):
+def interpolated(facet: int, weight: wp.vec2, values: wp.array(dtype=Any), start: int, facets: Facets):
     """Values of the corners of tiles, from ``start`` on, between the corners of the tile that a point lies on."""
     cuts = facets.cuts[facet]
     x = weight[0] * float(cuts)

@@ -122,8 +122,11 @@ def direct(launcher, model, descent):
     def between_charges(square):
         if soft is None:
             return 1.0 / square
-        core = soft.core * np.maximum(1.0 - square / soft.reach**2, 0.0) ** 2
-        return (1.0 - np.exp(-0.5 * square / soft.blur**2) + core) / square
+        # Small charges are blurred less, where the blur differs.
+        variance = 0.5 * soft.blur**2 * (np.clip(charge, 0.125, 1.0) if soft.differs else np.ones(len(charge)))
+        squares = square / (variance[:, None] + variance)
+        core = soft.core * np.maximum(1.0 - squares * (soft.blur / soft.reach) ** 2, 0.0) ** 2
+        return (1.0 - np.exp(-0.5 * squares) + core) / square
 
     force = pull(position, normal, charge * matrix[group][:, group], between_charges)
     tiles, count = empty_points(launcher, descent.facets.tile_count), descent.facets.tile_count
@@ -137,6 +140,26 @@ def direct(launcher, model, descent):
     attraction = (matrix @ model.group_charge)[group]
     force -= pull(tiles.position.numpy(), tiles.normal.numpy(), attraction[:, None] * share, octaves)
     return force - (force * normal).sum(axis=1, keepdims=True) * normal
+
+
+def test_the_blur_follows_the_density(launcher):
+    """Its variance falls with the density to the power of 3/4, between bounds, and is the usual one where the average body stands."""
+    classes = [BodyClass("a", [Size("s", 1.0, 3000)], lambda points: 1.0 + 0.9 * points.position[:, 2])]
+    model = Model(Problem(sphere(), classes))
+    descent = SurfaceDescent(model, launcher)
+    at = empty_points(launcher, descent.facets.corner_count)
+    tile = launcher.empty(descent.facets.corner_count, wp.int32)
+    outputs = [at.position, at.normal, tile]
+    facets = descent.ground.facets
+    launcher.launch(kernels_facets.locate_corners, len(tile), [descent.facets.count, facets], outputs)
+    z = at.normal.numpy()[:, 2]
+    number = 3000 / (4.0 * np.pi) * (1.0 + 0.9 * z) * model.unit**2
+    soft = softness_of(model)
+    usual = 0.5 * soft.blur**2
+    expected = np.clip(usual * number**-0.75, 0.5 * usual, 2.0 * usual)
+    assert expected.max() > 1.99 * usual
+    assert expected.min() < 0.8 * usual
+    np.testing.assert_allclose(descent.cascade._variance.numpy(), expected, rtol=0.05)
 
 
 @pytest.mark.parametrize("groups", [1, 3])

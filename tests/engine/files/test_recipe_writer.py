@@ -87,6 +87,7 @@ SAMPLES = {
         "scale": [2.0 / 3.0, [1.0, 2.0 / 3.0, 0.1 + 0.2]],
         "scale_jitter": [1.0 / 3.0],
         "turn": ["random", 1.0 / 3.0, [0.0, 1.0 / 3.0, -2.0]],
+        "may_turn": [True, False],
         "room": [1.1],
         "gap": [0.01],
         "slope": [VECTORS],

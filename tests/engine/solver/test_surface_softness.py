@@ -5,6 +5,7 @@ import pytest
 import trimesh
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.footprint import Footprint
 from esh.engine.problem.line import Line
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
@@ -21,22 +22,34 @@ def on_ball(*classes, **settings):
     return Problem(Surface(SurfaceMesh(np.array(BALL.vertices), np.array(BALL.faces))), classes, **settings)
 
 
+def upwards(points):
+    return 1.1 + points.position[:, 2]
+
+
 def sized(*areas, count=100, **settings):
     return [Size(str(number), area, count, **settings) for number, area in enumerate(areas)]
 
 
 @pytest.mark.parametrize(
-    "sizes, density, soft",
+    "sizes, density, differs",
     [
-        (sized(1e-4), 1.0, True),
-        (sized(1e-4, 1e-4), 0.5, True),
-        (sized(1e-4, 3e-4), 1.0, False),
-        (sized(1e-4, line=Line(2.0)), 1.0, False),
-        (sized(1e-4), lambda points: 1.1 + points.position[:, 2], False),
+        (sized(1e-4), 1.0, False),
+        (sized(1e-4, 1e-4), 0.5, False),
+        (sized(1e-4, 3e-4), 1.0, True),
+        (sized((1e-4, 3e-4)), 1.0, True),
+        (sized(1e-4, line=Line(0.1)), 1.0, True),
+        (sized(1e-4), upwards, True),
     ],
 )
-def test_bodies_that_are_all_alike_are_soft(sizes, density, soft):
-    assert (softness_of(Model(on_ball(BodyClass("a", sizes, density)))) is not None) == soft
+def test_the_blur_is_everywhere_the_same_only_where_bodies_are_all_alike(sizes, density, differs):
+    assert softness_of(Model(on_ball(BodyClass("a", sizes, density)))).differs == differs
+
+
+def test_long_bodies_and_outlines_that_keep_apart_are_points():
+    outlined = sized(None, footprint=Footprint.rectangle(0.02, 0.01))
+    for sizes in (sized(1e-4, line=Line(0.1)), outlined):
+        assert softness_of(Model(on_ball(BodyClass("a", sizes), avoid_overlap=True))) is None
+    assert softness_of(Model(on_ball(BodyClass("a", sized(1e-4)), avoid_overlap=True))) is not None
 
 
 def test_cores_of_classes_that_keep_apart_are_short():
@@ -49,6 +62,19 @@ def test_cores_of_classes_that_keep_apart_are_short():
     assert mixed.blur == alone.blur
     assert mixed.reach == REACH_AMONG_CLASSES < alone.reach
     assert mixed.core > alone.core
+
+
+@pytest.mark.parametrize("sizes", [sized(1e-5, count=800), sized((1e-5, 3e-5), count=800)], ids=["alike", "a range"])
+def test_the_less_regular_the_closer_neighbors_come_where_densities_and_areas_differ_too(sizes):
+    near, errors = [], []
+    for regularity in (1.0, 0.6, 0.0):
+        placement = solve(on_ball(BodyClass("a", sizes, upwards), regularity=regularity), device="cpu")
+        distance = cKDTree(placement.position).query(placement.position, k=2)[0][:, 1]
+        number = 800 * upwards(placement) / (1.1 * BALL.area)
+        near.append(np.percentile(distance * np.sqrt(number), 5))
+        errors.append(placement.report.coverage_error)
+    assert min(near[:2]) > near[2] + 0.05
+    assert max(errors) < (0.006 if sizes[0].has_one_area else 0.03)
 
 
 def test_the_less_regular_the_closer_neighbors_come_and_coverage_stays():

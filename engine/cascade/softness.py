@@ -1,0 +1,85 @@
+"""How soft charges on a surface are, and the near part of what they do to each other.
+
+Softness is that of the plane, see :mod:`esh.engine.field.blur`: charges and targets are blurred alike, and close pairs have a core.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from ..field import blur
+from . import kernels_cascade
+
+__all__ = ["Softness", "near_force", "near_terms", "shares_of_blur", "shares_of_groups"]
+
+# Octaves that are taken from -log r to have the near part between charges, and places that its polynomial is fitted to.
+FAR_OCTAVES = 40
+FITTED = 4001
+# Charges are blurred by a share of the variance of their place; the target's force is known for so many shares, each half the one
+# before.
+SHARES = 4
+
+
+class Softness(NamedTuple):
+    """How soft charges are, in lengths of the cascade.
+
+    Attributes:
+        blur: Width of the Gaussian between them, and between them and what attracts them.
+        core: Strength of what keeps them apart beside that, see :mod:`esh.engine.field.blur`.
+        reach: Distance at which this ends.
+        number: Charges that follow every image, where the blur follows their density, and the charges; None where it is everywhere the
+            same.
+    """
+
+    blur: float
+    core: float
+    reach: float
+    number: tuple[float, ...] | None = None
+
+    @property
+    def differs(self) -> bool:
+        """Whether not everything is blurred alike."""
+        return self.number is not None
+
+
+def shares_of_blur(charge: np.ndarray) -> np.ndarray:
+    """Share of the variance of their place that charges are blurred by: a small one fills little space."""
+    return np.clip(charge, blur.LEAST_OF_SMALL, 1.0)
+
+
+def shares_of_groups(charge: np.ndarray, group: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """A few shares of the variance, and which of them every group has on average, shapes ``[k]`` and ``[group_count]``."""
+    number = np.maximum(np.bincount(group, minlength=count), 1)
+    mean = np.bincount(group, np.log2(shares_of_blur(charge)), count) / number
+    halvings = np.clip(np.round(-mean).astype(np.int64), 0, SHARES - 1)
+    used, which = np.unique(halvings, return_inverse=True)
+    return 0.5 ** used.astype(np.float64), which.astype(np.int32)
+
+
+def near_force(squared: np.ndarray, width: float = 0.0) -> np.ndarray:
+    """Distance times force of the near part between two charges: that of -log r, blurred, less all octaves that go to nodes.
+
+    Args:
+        squared: Squares of distances, in lengths, shape ``[n]``.
+        width: Width of the blur between them, in lengths.
+    """
+    ratio = squared[:, None] / 4.0 ** (np.arange(FAR_OCTAVES) + 0.5)
+    force = 1.0 - (math.log(2.0) * ratio * np.exp(-0.5 * ratio)).sum(axis=1)
+    return force - np.exp(-0.5 * squared / width**2) if width > 0.0 else force
+
+
+@lru_cache(maxsize=16)
+def near_terms(cutoff: float, softness: Softness | None) -> np.ndarray:
+    """Factors of the polynomial of the near part between charges (:class:`.NearPart`)."""
+    squared = np.linspace(0.0, 1.0, FITTED)
+    if softness is None:
+        force = near_force(cutoff**2 * squared)
+    else:
+        core = np.maximum(1.0 - squared * (cutoff / softness.reach) ** 2, 0.0) ** 2
+        force = near_force(cutoff**2 * squared, softness.blur) + softness.core * core
+    fit = np.polynomial.Chebyshev.fit(squared, force, kernels_cascade.NEAR_TERMS - 1, domain=[0.0, 1.0])
+    return fit.convert(kind=np.polynomial.Polynomial).coef
