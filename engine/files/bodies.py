@@ -19,6 +19,7 @@ from ..problem.footprints import Footprints
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.size import Size
+from .input_file import check_is_file
 from .quaternions import wxyz_of_axes
 
 __all__ = [
@@ -35,6 +36,7 @@ __all__ = [
 
 AssetFiles = Mapping[str, str | Path | Sequence[str | Path]]
 
+AN_ASSET = "an asset is a file with a model"
 # Corners of the outline that stands in for a round body.
 CORNERS = 16
 # Bodies are counted from their middle where any is farther than this [m] from 0, if that is nearer by this factor.
@@ -76,8 +78,8 @@ class Prototype:
             raise EshError(
                 f'the asset of "{self.name}" for {what} must end in {" or ".join(endings)}; got {self.assets[0]}'
             )
-        if fitting and not fitting[0].is_file():
-            raise InputFileError(f"{fitting[0]} cannot be read: there is no such file")
+        if fitting:
+            check_is_file(fitting[0], AN_ASSET)
         return fitting[0] if fitting else None
 
 
@@ -211,8 +213,7 @@ def check_assets(problem: Problem, assets: AssetFiles) -> dict[tuple[int, int, i
         known = [f"{c.name}/{size.name}" for c in problem.classes for size in c.sizes]
         raise EshError(f"an asset must be for a class or a size ({', '.join(known)}); got {', '.join(map(repr, left))}")
     for path in (path for paths in files.values() for path in paths):
-        if not path.is_file():
-            raise InputFileError(f"{path} cannot be read: there is no such file")
+        check_is_file(path, AN_ASSET)
     return files
 
 

@@ -15,6 +15,7 @@ from ..problem.validation import as_path
 from .array_files import read_arrays
 from .body_formats import FORMATS
 from .csv_files import read_csv
+from .input_file import check_is_file
 from .placement_files import one_of
 
 __all__ = ["read_fixed_bodies"]
@@ -52,8 +53,7 @@ def read_fixed_bodies(path: str | Path, *, body_class: str | None = None, size: 
     reader = readers.get(path.suffix.lower())
     if reader is None:
         raise InputFileError(f"{path} must end in {one_of(readers)}; got the ending {path.suffix!r}")
-    if not path.is_file():
-        raise InputFileError(f"{path} {'is not a file' if path.exists() else 'does not exist'}; {ACCEPTED}")
+    check_is_file(path, ACCEPTED)
     line: np.ndarray | None = None
     try:
         columns, line = reader(path)

@@ -25,6 +25,7 @@ from ..errors import InputFileError, ProblemError
 from ..native_output import muted
 from ..problem.image_filters import luminance
 from ..problem.validation import as_path, check_density
+from .input_file import check_is_file, reason_of
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -121,7 +122,7 @@ def read_array(path: str | Path) -> np.ndarray:
     path = Path(path)
     if path.suffix.lower() != ".npy":
         raise InputFileError(f"{path} must be a .npy file; got the ending {path.suffix!r}")
-    _check_is_file(path)
+    check_is_file(path, ACCEPTED)
     try:
         return np.array(_map_npy(path, "[height, width] or [height, width, channels]", {2, 3}))
     except MemoryError:
@@ -146,7 +147,7 @@ def _read(path: Path, wanted: Callable[[np.ndarray, np.ndarray | None], np.ndarr
     reader = readers.get(path.suffix.lower())
     if reader is None:
         raise InputFileError(f"{path} is not of a kind that can be read: {ACCEPTED}; got the ending {path.suffix!r}")
-    _check_is_file(path)
+    check_is_file(path, ACCEPTED)
     try:
         stored = reader(path)
         side = math.ceil(math.sqrt(stored.height * stored.width / MOST_USED)) if reduced else 1
@@ -199,26 +200,11 @@ def _turned(image: np.ndarray, orientation: int) -> np.ndarray:
     return np.ascontiguousarray(image)
 
 
-def _check_is_file(path: Path) -> None:
-    try:
-        if path.is_file():
-            return
-        what = "is a folder" if path.is_dir() else "is not a file" if path.exists() else "does not exist"
-    except (OSError, ValueError) as error:  # no right to look, or a name that no file can have
-        what = f"cannot be read ({_reason(error)})"
-    raise InputFileError(f"{path} {what}; {ACCEPTED}")
-
-
 def _check_pixel_count(path: Path, width: int, height: int) -> None:
     if width * height > MOST_PIXELS:
         raise InputFileError(
             f"{path} claims {width} x {height} pixels; at most {MOST_PIXELS} (16384 x 16384) are read as a density"
         )
-
-
-def _reason(error: Exception) -> str:
-    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return " ".join(text.split()).rstrip(".") or type(error).__name__
 
 
 # PNG and JPEG
@@ -264,10 +250,10 @@ def _read_picture(path: Path) -> _Stored:
 def _damage(error: Exception) -> str:
     """Say what an error of Pillow's decoders means."""
     if isinstance(error, OSError) and error.errno is not None:  # the system's, not the decoder's
-        return f"cannot be read ({_reason(error)}); {ACCEPTED}"
+        return f"cannot be read ({reason_of(error)}); {ACCEPTED}"
     if "truncated" in str(error).lower():
         return f"is cut short: {SAVE_AGAIN}"
-    return f"is damaged ({_reason(error)}): {SAVE_AGAIN}"
+    return f"is damaged ({reason_of(error)}): {SAVE_AGAIN}"
 
 
 def _what_pillow_does_not_know(path: Path) -> str:
@@ -373,7 +359,7 @@ def _read_exr(path: Path) -> _Stored:
     except InputFileError:
         raise
     except Exception as error:  # the module documents no exceptions of its own
-        raise InputFileError(f"{path} is damaged, or not an EXR ({_reason(error)}); {ACCEPTED}") from None
+        raise InputFileError(f"{path} is damaged, or not an EXR ({reason_of(error)}); {ACCEPTED}") from None
 
     def pixels(name: str) -> np.ndarray:
         plane = np.asarray(channels[name].pixels)
@@ -448,7 +434,7 @@ def _map_npy(path: Path, accepted: str, dimensions: set[int]) -> np.ndarray:
             raise InputFileError(
                 f"{path} holds Python objects, which are never loaded; {ACCEPTED} of numbers"
             ) from None
-        raise InputFileError(f"{path} is damaged, or not a .npy file ({_reason(error)}); {ACCEPTED}") from None
+        raise InputFileError(f"{path} is damaged, or not a .npy file ({reason_of(error)}); {ACCEPTED}") from None
     if stored.ndim not in dimensions or stored.size == 0:
         shape = list(stored.shape)
         raise InputFileError(f"{path} must hold an array of shape {accepted}, neither of them 0; got shape {shape}")

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import InputFileError, ProblemError
 from ..problem.surface import SurfaceMesh
+from .input_file import check_is_file
 
 __all__ = ["ACCEPTED", "read_meshes"]
 
@@ -29,8 +30,7 @@ def read_meshes(path: str | Path) -> list[SurfaceMesh]:
     path = Path(path)
     if path.suffix.lower() not in ACCEPTED:
         raise InputFileError(f"{path} must end in {', '.join(ACCEPTED)}; got the ending {path.suffix!r}")
-    if not path.is_file():
-        raise InputFileError(f"{path} does not exist; a mesh is a file in one of the formats {', '.join(ACCEPTED)}")
+    check_is_file(path, f"a mesh is a file in one of the formats {', '.join(ACCEPTED)}")
     import trimesh
 
     try:

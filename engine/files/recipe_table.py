@@ -10,11 +10,14 @@ from typing import Any, TypeVar
 
 from ..errors import InputFileError, ProblemError
 from ..problem.validation import nearest_name, show
+from .input_file import check_is_file, reason_of
 
 __all__ = ["RecipeTable", "read_toml"]
 
 # Far above any recipe (a class takes 200 bytes), far below what a device or a film given by mistake would hold.
 MOST_BYTES = 2**24
+A_RECIPE = "a recipe is a TOML file"
+
 Value = TypeVar("Value")
 
 
@@ -24,28 +27,20 @@ def read_toml(path: Path) -> dict[str, Any]:
     Raises:
         InputFileError: It cannot be read, or is not TOML.
     """
+    # Opening a pipe would wait for whoever writes into it.
+    check_is_file(path, A_RECIPE)
     try:
-        if path.is_dir():
-            raise InputFileError(f"{path} is a folder; a recipe is a TOML file")
-        # Opening a pipe would wait for whoever writes into it.
-        if path.exists() and not path.is_file():
-            raise InputFileError(f"{path} is not a regular file; a recipe is a TOML file")
         with path.open("rb") as file:
             data = file.read(MOST_BYTES + 1)
-    except InputFileError:  # it is a ValueError, too
-        raise
-    except FileNotFoundError:
-        raise InputFileError(f"{path} does not exist; a recipe is a TOML file") from None
-    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
-        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        raise InputFileError(f"{path} cannot be read ({reason}); a recipe is a TOML file") from None
+    except OSError as error:
+        raise InputFileError(f"{path} cannot be read ({reason_of(error)}); {A_RECIPE}") from None
     if len(data) > MOST_BYTES:
         raise InputFileError(f"{path} is larger than {MOST_BYTES // 2**20} MB; a recipe is a short TOML file")
     try:
         # Some editors put a byte order mark in front, which TOML does not know.
         return tomllib.loads(data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
-        raise InputFileError(f"{path} is not UTF-8 text (byte {error.start + 1}); a recipe is a TOML file") from None
+        raise InputFileError(f"{path} is not UTF-8 text (byte {error.start + 1}); {A_RECIPE}") from None
     except (ValueError, RecursionError) as error:  # TOMLDecodeError, whole numbers of thousands of digits, deep nesting
         reason = " ".join(str(error).split())
         raise InputFileError(f"{path} is not TOML: {reason}") from None

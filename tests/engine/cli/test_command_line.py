@@ -390,7 +390,7 @@ def test_assets_are_checked_before_the_run(folder, capfd, monkeypatch):
     for words, complaint in (
         (["--asset", "pine"], "must be CLASS=FILE or CLASS/SIZE=FILE; got 'pine'"),
         (["--asset", "oak=pine.glb"], "an asset must be for a class or a size (pine/large, pine/small, beech/only)"),
-        (["--asset", "pine/large=absent.glb"], "absent.glb cannot be read: there is no such file"),
+        (["--asset", "pine/large=absent.glb"], "absent.glb does not exist; an asset is"),
         (["--asset", "pine=pine.glb", "-o", "pine.glb"], "would overwrite pine.glb, which this run reads"),
         (["--asset", "pine=pine.glb"], "pine.glb must be a binary glTF 2 file (.glb); it is something else"),
         (["--asset", "pine=bare.usda"], 'the asset of "pine/large" for a .glb file must end in .glb; got bare.usda'),

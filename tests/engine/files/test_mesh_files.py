@@ -1,11 +1,14 @@
 """Meshes from files, recipes that name them, and placements on them as files."""
 
 import csv
+import os
 
 import numpy as np
 import pytest
 import trimesh
 from esh.engine.errors import EshError, InputFileError
+from esh.engine.files.fixed_files import read_fixed_bodies
+from esh.engine.files.image_files import read_density
 from esh.engine.files.mesh_files import read_meshes
 from esh.engine.files.placement_files import write_placement
 from esh.engine.files.recipe import read_recipe, recipe_densities
@@ -87,6 +90,20 @@ def test_what_is_no_mesh_file_is_refused_in_a_sentence(tmp_path, name, content, 
         (tmp_path / name).write_bytes(content)
     with pytest.raises(InputFileError, match=sentence):
         read_meshes(tmp_path / name)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_pipes_are_no_files_and_nobody_waits_for_them(tmp_path):
+    for name in ("a.obj", "a.png", "a.csv", "a.toml"):
+        os.mkfifo(tmp_path / name)
+    for read, name in (
+        (read_meshes, "a.obj"),
+        (read_density, "a.png"),
+        (read_fixed_bodies, "a.csv"),
+        (read_recipe, "a.toml"),
+    ):
+        with pytest.raises(InputFileError, match=rf"{name} is not a regular file; "):
+            read(tmp_path / name)
 
 
 def test_a_recipe_places_on_a_mesh_by_an_attribute(folder, tmp_path):
