@@ -149,6 +149,22 @@ def test_the_zip_holds_the_package_and_its_wheels_only(zip_path: Path):
     assert zip_path.name == f"esh_scatter-{manifest['version']}-{manifest['platforms'][0]}.zip"
 
 
+def test_wheels_are_compressed_once_and_their_files_are_as_they_were(zip_path: Path, tmp_path: Path):
+    """Blender unpacks them whenever the extension is enabled; of a compressed Warp that takes more than a second."""
+    with zipfile.ZipFile(zip_path) as archive:
+        wheels = [name for name in archive.namelist() if name.endswith(".whl")]
+        assert all(archive.getinfo(name).compress_type == zipfile.ZIP_DEFLATED for name in wheels)
+        for name in wheels:
+            kept = ROOT / "build" / "wheels" / Path(name).name
+            with zipfile.ZipFile(archive.extract(name, tmp_path)) as wheel, zipfile.ZipFile(kept) as published:
+                assert {entry.compress_type for entry in wheel.infolist()} == {zipfile.ZIP_STORED}
+                files = [
+                    [(one.filename, one.CRC, one.file_size) for one in zip_.infolist()] for zip_ in (wheel, published)
+                ]
+                assert files[0] == files[1]
+                assert wheel.testzip() is None
+
+
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the page has the sizes of the zip for Linux")
 def test_the_page_says_how_large_the_zip_is_and_what_is_in_it(zip_path: Path):
     page = (ROOT / "docs" / "distribution.md").read_text(encoding="utf-8")

@@ -5,12 +5,16 @@
    where the platform has any, and those for the CPU where the platform is this machine's.
 3. Let Blender's own builder, found in pip's ``bpy``, check and pack it; Blender itself is not started.
 
+Blender unpacks the wheels whenever the extension is enabled. So they are not compressed in themselves: the zip around them is, which
+is unpacked once. Their files stay as they are.
+
 The result is ``dist/esh_scatter-<version>-<platform>.zip``.
 """
 
 from __future__ import annotations
 
 import argparse
+import copy
 import importlib.util
 import os
 import platform
@@ -20,6 +24,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -84,6 +89,18 @@ def download_wheel(file_name: str, folder: Path) -> Path:
             raise BuildError(f"pip could not download {file_name}, which {MANIFEST} lists:\n{outcome.stdout.strip()}")
         os.replace(downloaded, path)
     return path
+
+
+def repack(source: Path, target: Path, method: int) -> None:
+    """Write the files of a zip, which stay as they are, into another one that is compressed by another method."""
+    part = target.with_name(target.name + ".part")
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(part, "w", method) as new:
+        for entry in old.infolist():
+            changed = copy.copy(entry)
+            changed.compress_type = method
+            with old.open(entry) as read, new.open(changed, "w") as write:
+                shutil.copyfileobj(read, write, 1 << 20)
+    os.replace(part, target)
 
 
 def find_blender_builder() -> Path:
@@ -156,7 +173,8 @@ def build(target: str, output_folder: Path, wheel_folder: Path, gpus: Sequence[i
     zip_path = output_folder / f"{manifest['id']}-{manifest['version']}-{target}.zip"
 
     with tempfile.TemporaryDirectory(prefix="esh-extension-") as temporary:
-        stage = Path(temporary)
+        stage, packed = Path(temporary) / "package", Path(temporary) / "packed.zip"
+        stage.mkdir()
         (stage / MANIFEST).write_text(staged_manifest(text, target, wheels), encoding="utf-8")
         for name in PACKAGE_CONTENT:
             source = ROOT / name
@@ -170,7 +188,7 @@ def build(target: str, output_folder: Path, wheel_folder: Path, gpus: Sequence[i
         for wheel in wheels:
             staged = stage / wheel
             staged.parent.mkdir(exist_ok=True)
-            shutil.copy2(download_wheel(staged.name, wheel_folder), staged)
+            repack(download_wheel(staged.name, wheel_folder), staged, zipfile.ZIP_STORED)
         command = [
             sys.executable,
             str(builder),
@@ -178,11 +196,13 @@ def build(target: str, output_folder: Path, wheel_folder: Path, gpus: Sequence[i
             "--source-dir",
             str(stage),
             "--output-filepath",
-            str(zip_path),
+            str(packed),
         ]
         outcome = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        if outcome.returncode or not zip_path.is_file():
+        if outcome.returncode or not (packed).is_file():
             raise BuildError(f"Blender's builder refused the extension:\n{outcome.stdout.strip()}")
+        # It leaves wheels as they are.
+        repack(packed, zip_path, zipfile.ZIP_DEFLATED)
     return zip_path
 
 
