@@ -95,11 +95,11 @@ def _check_balance(problem: Problem) -> None:
     emphasis = problem.balance.size_emphasis
     if isinstance(emphasis, tuple):
         for c in problem.classes:
-            if any(size.is_range for size in c.sizes):
+            if any(isinstance(size.area, tuple) for size in c.sizes):
                 raise ProblemError(
                     f'`balance.size_emphasis` must be one number, because areas of class "{c.name}" are a range; got a list'
                 )
-            ranks = len({size.mean_area for size in c.sizes})
+            ranks = len({size.ranked_area for size in c.sizes})
             if ranks - 1 > len(emphasis):
                 raise ProblemError(
                     f'`balance.size_emphasis` must have a value for each of the {ranks - 1} larger sizes of class "{c.name}"; '
@@ -155,13 +155,14 @@ def _ground_with_room(size: Size, body_class: PreparedClass) -> float:
 def _check_emphasis(problem: Problem) -> None:
     emphasis = problem.balance.size_emphasis
     for c in problem.classes:
-        areas = [area for size in c.sizes for area in (size.area_span if size.is_range else (size.mean_area,))]
+        ranks = len({size.ranked_area for size in c.sizes})
         if not isinstance(emphasis, float):
-            powers = math.log(max((1.0, *emphasis[: len(set(areas)) - 1])))
+            powers = math.log(max((1.0, *emphasis[: ranks - 1])))
         elif any(size.is_range for size in c.sizes):
+            areas = [area for size in c.sizes for area in (size.area_span if size.is_range else (size.mean_area,))]
             powers = 2.0 * math.log2(emphasis) * math.log(max(areas) / min(areas))
         else:
-            powers = (len(set(areas)) - 1) * math.log(emphasis)
+            powers = (ranks - 1) * math.log(emphasis)
         if powers > math.log(validation.MOST_EMPHASIS):
             raise ProblemError(
                 f'`balance.size_emphasis` must not give the largest bodies of class "{c.name}" more than '
@@ -182,6 +183,8 @@ def _check_fixed(problem: Problem) -> None:
     fixed = problem.fixed
     if not len(fixed.id):
         return
+    # Areas of outlines may follow from scales, which are to be named then.
+    _check_fixed_lengths(problem, outlined=True)
     spans = [size.area_span for c in problem.classes for size in c.sizes]
     low, high = min(span[0] for span in spans), max(span[1] for span in spans)
     smallest, largest = float(fixed.area.min()), float(fixed.area.max())
@@ -191,9 +194,17 @@ def _check_fixed(problem: Problem) -> None:
             f"`fixed.area` must not be more than {validation.MOST_AREA_RATIO:g} times another body's, or so much less; got {got:g} "
             f"beside {low:g} m²"
         )
+    _check_fixed_lengths(problem, outlined=False)
+
+
+def _check_fixed_lengths(problem: Problem, *, outlined: bool) -> None:
+    """Hold fixed bodies of sizes that have outlines, or of all others, to lengths beside the domain."""
+    fixed = problem.fixed
     side, most, which = _most_extent(problem)
     for c, body_class in enumerate(problem.classes):
         for s, size in enumerate(body_class.sizes):
+            if (size.footprint is not None) != outlined:
+                continue
             own = (fixed.class_index == c) & (fixed.size_index == s)
             narrowest, longest = _span_of_fixed(size, fixed.area[own], fixed.variant[own], fixed.scale[own])
             if longest > most * side or narrowest < validation.SMALLEST_LENGTH:

@@ -424,7 +424,6 @@ def fixed_table(given: object, classes: Sequence[PreparedClass], domain: Domain 
         own = np.flatnonzero(class_index == c)
         sizes = classes[c].sizes
         size_index[own] = _indices(parts, labels, own, [s.name for s in sizes], "size", f'of class "{names[c]}" ')
-        area[own] = np.where(np.isnan(area[own]), np.array([s.mean_area for s in sizes])[size_index[own]], area[own])
         has_axis = np.array([s.kind.has_axis for s in sizes])[size_index[own]]
         length[own] = np.where(has_axis & (length[own] > 0.0), length[own], np.nan)
     long = np.flatnonzero(length > max(domain.size))
@@ -441,6 +440,7 @@ def fixed_table(given: object, classes: Sequence[PreparedClass], domain: Domain 
     order = np.lexsort((size_index, class_index))
     variant = _outlines(parts, class_index, size_index, classes)
     scale = np.concatenate([np.asarray(part.scale) for part in parts])
+    area = np.where(np.isnan(area), _areas(class_index, size_index, variant, scale, classes), area)
     columns = (position, class_index, size_index, angle, length, area, ids, variant, scale, *places)
     return FixedTable(*(column[order] for column in columns))
 
@@ -463,6 +463,28 @@ def _outlines(
                 )
                 raise _wrong(parts, unknown[0], "variant", said)
     return variant
+
+
+def _areas(
+    class_index: np.ndarray,
+    size_index: np.ndarray,
+    variant: np.ndarray,
+    scale: np.ndarray,
+    classes: Sequence[PreparedClass],
+) -> np.ndarray:
+    """Areas of bodies of which none is said [m²]: of their outlines where these have their own, or else the mean of the size."""
+    area = np.empty(len(variant))
+    for c, body_class in enumerate(classes):
+        for s, size in enumerate(body_class.sizes):
+            own = (class_index == c) & (size_index == s)
+            area[own] = size.mean_area
+            if size.outlines and not size.has_one_area:
+                # The scale is only checked after this.
+                with np.errstate(over="ignore"):
+                    outlined = np.array([outline.area for outline in size.outlines])[variant[own]] * scale[own] ** 2
+                # One whose scale is not said is scaled to its area.
+                area[own] = np.where(np.isnan(outlined), area[own], outlined)
+    return area
 
 
 def _wrong(parts: Sequence[FixedBodies], body: int, name: str, said: str) -> ProblemError:

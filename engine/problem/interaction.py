@@ -98,7 +98,7 @@ def group_bodies(
             bodies = slice(first_body, first_body + (size.count or 0))
             first_body = bodies.stop
             level, level_emphasis = np.zeros(1, np.int32), np.array([size_emphasis])
-            if size.is_range:
+            if _is_cut(problem, size):
                 most = most_levels(size) if levels == LEVELS else levels
                 level, level_emphasis = _levels(area[bodies] / _unit_of_area(problem), _exponent(problem), most)
             body_group[bodies] = len(emphasis) + level
@@ -127,14 +127,19 @@ def _unit_of_area(problem: Problem) -> float:
     return 1.0 if powers < 100.0 else float(areas.max())
 
 
+def _is_cut(problem: Problem, size: Size) -> bool:
+    """Whether areas of a size get emphases of their own: where these are listed, size by size, outlines of one size share one."""
+    return size.is_range and (isinstance(size.area, tuple) or isinstance(problem.balance.size_emphasis, float))
+
+
 def _size_emphases(problem: Problem, body_class: PreparedClass) -> list[float]:
     """Emphasis of every size: by rank where all are single areas, by the mean area's power beside a range."""
     emphasis = problem.balance.size_emphasis
-    if any(size.is_range for size in body_class.sizes):
+    if any(_is_cut(problem, size) for size in body_class.sizes):
         exponent, unit = _exponent(problem), _unit_of_area(problem)
         return [(size.mean_area / unit) ** exponent for size in body_class.sizes]
     # Equal areas share a rank.
-    rank = np.unique([size.mean_area for size in body_class.sizes], return_inverse=True)[1].ravel()
+    rank = np.unique([size.ranked_area for size in body_class.sizes], return_inverse=True)[1].ravel()
     if isinstance(emphasis, tuple):
         return np.array([1.0, *emphasis])[rank].tolist()
     assert isinstance(emphasis, float)

@@ -90,6 +90,16 @@ class Size(Settings):
         ),
     )
 
+    usual_area: float | None = field(
+        default=None,
+        metadata=setting(
+            "Area that says which sizes of a class are larger than which",
+            unit="m²",
+            more="Where outlines were drawn elsewhere, chance is not to rank those that are alike. None: the mean of the areas",
+            check=validation.check_area,
+        ),
+    )
+
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.footprint is not None:
@@ -189,6 +199,11 @@ class Size(Settings):
         if isinstance(self.distribution, np.ndarray):
             return float(self.distribution.mean())
         return self._footprints.mean_area if self.area is None else float(np.mean(self.area))
+
+    @property
+    def ranked_area(self) -> float:
+        """Area [m²] that says which sizes are larger than which."""
+        return self.mean_area if self.usual_area is None else self.usual_area
 
     @property
     def mean_ground(self) -> float:

@@ -42,9 +42,10 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
         The report of a run without steps; whoever ran them adds steps, seconds and whether they converged.
     """
     problem, domain = placement.problem, placement.problem.domain
-    class_index, area = placement.class_index, placement.problem.shared_areas()
+    class_index = placement.class_index
     if isinstance(domain, Surface):
         return _report_on_surface(placement, launcher)
+    area = problem.areas_as_outlined(problem.shared_areas(), placement.variant, placement.scale)
     has_lines = bool(placement.width.any())
     axes = (placement.angle, placement.length) if has_lines else ()
     bodies = measured_bodies(launcher, domain, placement.position, *axes)

@@ -97,7 +97,8 @@ class ClassesFromAbove:
 
     def _ask(self, c: ScatterClass, shapes: Sequence[SizeShape], values: np.ndarray) -> _Asked:
         """Return a class as the engine is asked for it, its density on the surface, and what of it the plan view shows."""
-        sizes = [engine_size(size, shape) for size, shape in zip(c.sizes, shapes, strict=True)]
+        jitter = standing_of(c, self._settings).scale_jitter if self._settings.avoid_overlap else 0.0
+        sizes = [engine_size(size, shape, jitter) for size, shape in zip(c.sizes, shapes, strict=True)]
         key = f'`density` of class "{c.name}"'
         # Sharpened and corrected as it is on the surface; only then slopes, which hold more of it, make it larger.
         count = 1 if isinstance(c.count, Amount) else c.count

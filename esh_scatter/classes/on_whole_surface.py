@@ -21,7 +21,7 @@ from ...engine.surface.instances import body_rotations, rotate
 from ...engine.surface.whole_surface import WholeSurface
 from .amount import Amount
 from .outlined_sizes import OutlinedSizes
-from .scatter_class import ScatterClass, turns_freely
+from .scatter_class import ScatterClass, standing_of, turns_freely
 from .sources import SizeShape, engine_size, with_any_outline
 
 __all__ = ["class_on_surface", "classes_on_surface", "headings", "mean_footprint"]
@@ -80,7 +80,8 @@ def classes_on_surface(
     """
     asked = []
     for c, of_class, density in zip(classes, shapes, values, strict=True):
-        sizes = [engine_size(size, shape) for size, shape in zip(c.sizes, of_class, strict=True)]
+        jitter = standing_of(c, settings).scale_jitter if settings.avoid_overlap else 0.0
+        sizes = [engine_size(size, shape, jitter) for size, shape in zip(c.sizes, of_class, strict=True)]
         asked.append(class_on_surface(chart, c, sizes, density))
     if not settings.avoid_overlap:
         return asked

@@ -83,8 +83,10 @@ class OutlinedSizes:
             variants, variant=variant, scale=factor, turn=turn, may_turn=free, slope=slope, tilt=tilt
         )
         # Every body takes the ground of its own outline, so that a large one has more room around it, and not that of their mean.
-        alike = len(variants) == 1 and bool((factor == factor[0]).all())
-        return replace(size, area=size.area if isinstance(shape.area, tuple) or alike else None, footprint=footprint)
+        alike = len(variants) == 1 and bool((factor == 1.0).all())
+        if isinstance(shape.area, tuple) or alike:
+            return replace(size, footprint=footprint)
+        return replace(size, area=None, footprint=footprint, usual_area=size.mean_area)
 
     def _areas(self, where: tuple[int, int], size: Size) -> np.ndarray:
         """Areas of a size's bodies [m²] as the engine draws them; of those that stay, which come last, nobody asks any."""

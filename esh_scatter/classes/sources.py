@@ -283,9 +283,13 @@ def disc_of_area(area: float, *, leans: bool) -> Footprint:
     return Footprint.polygon(around * np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
 
-def engine_size(size: ScatterSize, shape: SizeShape) -> Size:
-    """Return a size as the engine is asked for it, without the outlines of its bodies."""
-    return Size(size.name, shape.area, size.count, size.share, size.distribution, shape.line)
+def engine_size(size: ScatterSize, shape: SizeShape, scale_jitter: float = 0.0) -> Size:
+    """Return a size as the engine is asked for it, without the outlines of its bodies, whose scales vary so much."""
+    area = shape.area
+    if shape.outlines_of_variants and not isinstance(area, tuple):
+        # Of as many larger ones as smaller ones the large ones take more than the small ones leave.
+        area *= 1.0 + scale_jitter**2 / 3.0
+    return Size(size.name, area, size.count, size.share, size.distribution, shape.line)
 
 
 def variants_of(identity: np.ndarray, number: int, weights: np.ndarray | None, seed: int) -> np.ndarray:

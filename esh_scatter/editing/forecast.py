@@ -178,7 +178,10 @@ def scale_counts_to_fit(scatter: Any, scene: bpy.types.Scene) -> float:
         if cover is None or not cover.too_much:
             break
         factor = MARGIN * cover.fits / cover.covered
-        scale_counts(scatter.ready_classes(), factor)
+        before = scale_counts(scatter.ready_classes(), factor)
+        if all(getattr(group, name) == value for group, name, value in before):
+            # Nothing can be less.
+            break
         whole *= factor
     return whole
 

@@ -119,6 +119,13 @@ def test_a_click_scales_counts_to_fit(scatter, kind):
     assert scatter.report["overlaps"] == 0
 
 
+def test_what_cannot_be_less_is_not_said_to_be_scaled(scatter):
+    size = scatter.classes[0].sizes[0]
+    size.source_object, size.count = flat("Too Large", 14.0, 12.0), 1
+    assert cover_of(scatter).too_much
+    assert bpy.ops.esh.counts_to_fit() == {"CANCELLED"} and size.count == 1
+
+
 def test_classes_that_are_muted_keep_their_counts(scatter):
     other = scatter.add_class()
     other.sizes[0].source_object, other.sizes[0].count, other.mute = bpy.data.objects["Box"], 500, True

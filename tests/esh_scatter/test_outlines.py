@@ -11,6 +11,7 @@ bpy = pytest.importorskip("bpy")
 pytest.importorskip("shapely")
 
 import esh  # noqa: E402
+from esh.engine.problem.interaction import group_bodies  # noqa: E402
 from esh.engine.problem.scatter_settings import Standing  # noqa: E402
 from esh.engine.quality.measurement import measure  # noqa: E402
 from esh.engine.solver.solver import Solver  # noqa: E402
@@ -153,6 +154,43 @@ def test_only_objects_that_may_point_anywhere_turn_as_they_fit():
         drawn = np.array(draw(Standing(random_turn=random_turn), result.placement.id, np.zeros(150, bool), 2)[1])
         turned = np.abs(np.angle(np.exp(1j * (2.0 * np.arctan2(z, w) - drawn))))
         assert (turned > 0.01).any() == (random_turn > 6.0)
+
+
+@pytest.mark.parametrize("surface", ["above", "whole"])
+def test_cover_asks_for_fewer_where_scales_vary(surface):
+    """With scales between 0.1 and 1.9 objects take 1.27 times as much ground."""
+    ground, box = rectangle("Ground", 10.0, 10.0), rectangle("Box", 0.8, 0.6)
+    classes = [esh.ScatterClass("box", [esh.ScatterSize("all", None, box)], count="cover")]
+    settings = {"device": "cpu", "avoid_overlap": True, "surface": surface}
+    same, varied = (esh.ScatterJob(ground, classes, scale_jitter=j, **settings).problem for j in (0.0, 0.9))
+    assert varied.body_count == pytest.approx(same.body_count / 1.27, abs=1)
+    assert esh.cover_of(varied).covered == pytest.approx(esh.cover_of(same).covered, abs=0.06)
+
+
+def test_sizes_of_the_same_object_are_equal_whatever_their_scales():
+    """By chance one of them had more weight than another one."""
+    ground, box = rectangle("Ground", 14.0, 14.0), rectangle("Box", 0.8, 0.6)
+    classes = [esh.ScatterClass("box", [esh.ScatterSize(name, 40, box) for name in "abc"])]
+    for settings in ({"scale_jitter": 0.2}, {"scale_jitter": 0.5, "size_emphasis": (2.0, 3.0)}):
+        job = esh.ScatterJob(ground, classes, device="cpu", avoid_overlap=True, **settings)
+        assert (group_bodies(job.problem).matrix == 1.0).all()
+
+
+@pytest.mark.parametrize("surface", ["above", "whole"])
+def test_what_is_pinned_takes_the_ground_of_its_own_outline(surface):
+    ground = rectangle("Ground", 14.0, 14.0)
+    kinds = collection(rectangle("Large", 3.0, 2.0), rectangle("Small", 0.3, 0.2))
+    classes = [esh.ScatterClass("all", [esh.ScatterSize("all", 60, kinds, weights={"Large": 1.0, "Small": 9.0})])]
+    settings = {"device": "cpu", "avoid_overlap": True, "seed": 3, "surface": surface, "scale_jitter": 0.2}
+    first = esh.scatter(ground, classes, **settings)
+    moved = [int(np.argmax(first.placement.area)), int(np.argmin(first.placement.area))]
+    for point in moved:
+        first.object.data.attributes["position"].data[point].vector.x += 0.1
+    placement = esh.scatter(ground, classes, result=first.object, **settings).placement
+    assert placement.fixed.sum() == 2
+    np.testing.assert_allclose(
+        np.sort(placement.area[placement.fixed]), np.sort(first.placement.area[moved]), rtol=1e-4
+    )
 
 
 @pytest.mark.parametrize("shape", ["plank", "box"])

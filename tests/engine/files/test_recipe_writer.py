@@ -64,6 +64,7 @@ SAMPLES = {
         "count": [12],
         "share": [1.0],
         "distribution": ["uniform", np.linspace(0.1, 1.0 / 3.0, 3)],
+        "usual_area": [0.3],
         "line": [Line(0.5)],
         "footprint": [
             Footprints(

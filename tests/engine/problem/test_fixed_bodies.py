@@ -41,6 +41,16 @@ def test_bodies_stand_in_class_then_size_order_the_fixed_ones_of_a_size_last():
     assert problem.fixed.position.tolist() == [[3.0, 4.0], [1.0, 2.0], [9.0, 9.0]]
 
 
+@pytest.mark.parametrize("area", [None, (0.05, 2.0)], ids=["of the outlines", "a range"])
+def test_fixed_bodies_whose_outlines_are_known_take_the_ground_of_these(area):
+    outlines = [Footprint.rectangle(2.0, 1.0), Footprint.rectangle(0.4, 0.2)]
+    size = Size("any", area, 5, footprint=outlines)
+    fixed = FixedBodies([(1.0, 1.0), (2.0, 2.0), (3.0, 3.0)], "a", variant=[0, 1, 1], scale=[1.0, 2.0, np.nan])
+    problem = Problem(DOMAIN, [BodyClass("a", [size])], fixed=fixed)
+    # Whose scale is not said is as large as is usual.
+    np.testing.assert_allclose(problem.body_areas()[-3:], [2.0, 0.32, size.mean_area])
+
+
 def test_identities_are_kept_and_those_of_others_are_free():
     ids = Problem(DOMAIN, [PINE, ROCK], fixed=FIXED).body_ids()
     assert ids[12] == 40

@@ -7,6 +7,8 @@ import pytest
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
+from esh.engine.problem.footprint import Footprint
+from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.interaction import group_bodies
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
@@ -102,3 +104,23 @@ def test_bodies_of_groups_are_counted(area):
     assert (groups.first_body is None) == isinstance(area, tuple)
     if groups.first_body is not None:
         assert groups.first_body.tolist() == [0, 30, 37, 44]
+
+
+@pytest.mark.parametrize("emphasis", [2.0, (2.0, 3.0)], ids=["a number", "a list"])
+def test_sizes_that_differ_by_chance_only_share_a_rank(emphasis):
+    """Their outlines were drawn elsewhere, and so their mean areas differ a little."""
+    scale = np.random.default_rng(3).uniform(0.7, 1.3, (3, 20))
+    box = Footprint.rectangle(1.0, 1.0)
+    sizes = [Size(f"{k}", None, 20, footprint=Footprints(box, scale=scale[k]), usual_area=1.0) for k in range(3)]
+    sizes.append(Size("large", None, 20, footprint=Footprints(box, scale=2.0 * scale[0]), usual_area=4.0))
+    balance = Balance(size_emphasis=emphasis)
+    groups = group_bodies(Problem(Domain((30.0, 30.0)), [BodyClass("a", sizes)], balance))
+    np.testing.assert_array_equal(groups.matrix, [[1, 1, 1, 1], [1, 1, 1, 1], [1, 1, 1, 1], [1, 1, 1, 2]])
+
+
+def test_outlines_of_all_areas_have_the_emphasis_that_is_listed_for_their_size():
+    """Nobody asked for a range there."""
+    kinds = [Footprint.rectangle(1.0, 1.0), Footprint.rectangle(3.0, 3.0)]
+    sizes = [Size(f"{k}", None, 20, footprint=[kind.scaled(k) for kind in kinds]) for k in (1.0, 2.0)]
+    groups = group_bodies(Problem(Domain((60.0, 60.0)), [BodyClass("a", sizes)], Balance(size_emphasis=[3.0])))
+    np.testing.assert_array_equal(groups.matrix, [[1, 1], [1, 3]])

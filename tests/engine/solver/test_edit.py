@@ -20,6 +20,7 @@ from esh import (
     Solver,
 )
 from esh.engine.quality.coverage import coverage_error
+from esh.engine.quality.measurement import measure
 from esh.engine.solver.carried_over import CarriedOver
 from esh.engine.solver.edit import carry_over
 from esh.engine.solver.line_rules import length_blocks
@@ -418,6 +419,11 @@ def test_a_solver_starts_with_the_outlines_that_bodies_had():
         again = solver.placement()
         np.testing.assert_array_equal(again.variant, variant)
         np.testing.assert_allclose(again.scale, scale)
+        # Each has the area of its outline, also in the report.
+        np.testing.assert_allclose(again.area, triangle.area * scale**2 / 4.0**variant)
+        image = problem.classes[0].density_image
+        measured = coverage_error(position, again.area, image, problem.rectangle)
+        assert measure(again, solver.launcher).coverage_error == pytest.approx(measured, rel=1e-3)
         # There is no seventh variant.
         solver.start_at(position, variant=np.full(30, 7))
         np.testing.assert_array_equal(solver.placement().variant, variant)
