@@ -39,4 +39,8 @@ def softness_of(model: Model) -> Softness | None:
     if between.any():
         strength, reach = STRONGER_AMONG_CLASSES * strength, min(reach, REACH_AMONG_CLASSES)
     alike = float(np.ptp(charge)) == 0.0 and not any(c.varies_on_surface for c in problem.classes)
-    return Softness(width, strength, reach, None if alike else tuple(float(c.body_count) for c in problem.classes))
+    if alike:
+        return Softness(width, strength, reach)
+    # Charges, of which a line has several.
+    number = np.bincount(model.body.class_index[model.charge.body], minlength=len(problem.classes))
+    return Softness(width, strength, reach, tuple(number.astype(np.float64).tolist()))

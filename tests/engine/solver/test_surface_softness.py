@@ -45,6 +45,12 @@ def test_the_blur_is_everywhere_the_same_only_where_bodies_are_all_alike(sizes, 
     assert softness_of(Model(on_ball(BodyClass("a", sizes, density)))).differs == differs
 
 
+def test_the_blur_follows_the_charges_that_lines_consist_of():
+    """Not the lines: bodies would be twice as soft as others at the same spacing of charges."""
+    classes = [BodyClass("lines", sized(1e-4, line=Line(0.1, charges=5)), upwards), BodyClass("dots", sized(1e-4, 2e-4))]
+    assert softness_of(Model(on_ball(*classes))).number == (500.0, 200.0)
+
+
 def test_long_bodies_and_outlines_that_keep_apart_are_points():
     outlined = sized(None, footprint=Footprint.rectangle(0.02, 0.01))
     for sizes in (sized(1e-4, line=Line(0.1)), outlined):
