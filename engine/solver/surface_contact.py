@@ -16,6 +16,8 @@ __all__ = ["SLOTS_PER_BODY", "SurfaceContact", "levels_of"]
 
 # Levels of size, each of bodies within a factor of two; whatever is smaller still goes into the last.
 MOST_LEVELS = 12
+# Cells that larger bodies may look through for every body of a level of its own: as many as a few more neighbors of it cost.
+CELLS_PER_BODY = 64.0
 SLOTS_PER_BODY = 2
 
 
@@ -105,5 +107,13 @@ class SurfaceContact:
 def levels_of(reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Levels of size, the largest first, by how far bodies reach: that of each, int32, and the farthest reach in every one."""
     level = np.clip(np.log2(reach.max() / reach), 0, MOST_LEVELS - 1).astype(np.int32)
+    level = np.unique(level, return_inverse=True)[1].ravel().astype(np.int32)
+    count = np.bincount(level)
+    for m in range(len(count) - 1, 0, -1):
+        # Cells that larger bodies look through for those of a level: a few small ones are found sooner among the larger.
+        cells = (reach[level < m] / reach[level == m].max() + 2.0) ** 3
+        if cells.sum() > CELLS_PER_BODY * count[m]:
+            level[level == m] = m - 1
+            count[m - 1] += count[m]
     level = np.unique(level, return_inverse=True)[1].ravel().astype(np.int32)
     return level, np.array([reach[level == m].max() for m in range(int(level.max()) + 1)])

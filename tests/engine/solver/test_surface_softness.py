@@ -47,7 +47,10 @@ def test_the_blur_is_everywhere_the_same_only_where_bodies_are_all_alike(sizes, 
 
 def test_the_blur_follows_the_charges_that_lines_consist_of():
     """Not the lines: bodies would be twice as soft as others at the same spacing of charges."""
-    classes = [BodyClass("lines", sized(1e-4, line=Line(0.1, charges=5)), upwards), BodyClass("dots", sized(1e-4, 2e-4))]
+    classes = [
+        BodyClass("lines", sized(1e-4, line=Line(0.1, charges=5)), upwards),
+        BodyClass("dots", sized(1e-4, 2e-4)),
+    ]
     assert softness_of(Model(on_ball(*classes))).number == (500.0, 200.0)
 
 
