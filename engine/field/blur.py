@@ -83,10 +83,11 @@ def blur_over_spacing(regularity: float, uniform: bool) -> float:
     return widest + (usual - widest) * regularity / USUAL_REGULARITY
 
 
-def core(blur_over_spacing: float, uniform: bool) -> tuple[float, float]:
-    """Strength of the core, and the q at which it ends."""
+def core(blur_over_spacing: float, uniform: bool, longest: float | None = None) -> tuple[float, float]:
+    """Strength of the core, and the q at which it ends: ``longest`` spacings away at most, None for that of the plane."""
     usual, widest = (BLUR_OF_UNIFORM, WIDEST_OF_UNIFORM) if uniform else (BLUR_OVER_SPACING, WIDEST_OVER_SPACING)
-    longest = CORE_REACH_OF_UNIFORM if uniform else CORE_REACH
+    if longest is None:
+        longest = CORE_REACH_OF_UNIFORM if uniform else CORE_REACH
     wider = min(max((blur_over_spacing - usual) / (widest - usual), 0.0), 1.0)
     reach = longest + (CORE_REACH_OF_WIDEST - longest) * wider
     end = 0.5 * (reach / blur_over_spacing) ** 2

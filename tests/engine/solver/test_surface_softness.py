@@ -5,6 +5,7 @@ import pytest
 import trimesh
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
 from esh.engine.problem.footprint import Footprint
 from esh.engine.problem.line import Line
 from esh.engine.problem.problem import Problem
@@ -52,6 +53,16 @@ def test_the_blur_follows_the_charges_that_lines_consist_of():
         BodyClass("dots", sized(1e-4, 2e-4)),
     ]
     assert softness_of(Model(on_ball(*classes))).number == (500.0, 200.0)
+
+
+def test_ranges_are_as_even_on_a_square_as_in_the_plane():
+    """Blurred by what only bodies that are all alike are, they are 1.13 times as uneven."""
+    square = Surface(
+        SurfaceMesh(np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float), np.array([[0, 1, 2], [0, 2, 3]]))
+    )
+    classes = [BodyClass("a", sized((1e-5, 1e-4), count=1000))]
+    flat, plane = (solve(Problem(domain, classes), device="cpu").report for domain in (square, Domain((1.0, 1.0))))
+    assert flat.coverage_error < 1.08 * plane.coverage_error
 
 
 def test_long_bodies_and_outlines_that_keep_apart_are_points():
