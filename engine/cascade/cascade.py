@@ -24,7 +24,6 @@ import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..device.running_sum import running_sum
-from ..field import blur
 from ..space.cell_sort import CellSort
 from ..surface import kernels_facets
 from ..surface.facets import Facets
@@ -43,7 +42,7 @@ from .points import (
     taken,
     thinned,
 )
-from .softness import Softness, near_force, near_terms, shares_of_blur, shares_of_groups
+from .softness import Softness, near_force, near_terms
 
 __all__ = ["Cascade"]
 
@@ -207,7 +206,7 @@ class Cascade:
         softness: Softness | None = None,
     ) -> None:
         self.launcher, self._length, self._softness = launcher, length, softness
-        self._differing = softness if softness is not None and softness.differs else None
+        self._following = None if softness is None else softness.following
         device = launcher.device
         self._facets = on_device
         self.group_count = len(interaction)
@@ -373,7 +372,7 @@ class Cascade:
         force = []
         for share in (BLUR, BLUR_OF_UNIFORM):
             if self._softness is not None:
-                width = 0.0 if self._softness.differs else self._softness.blur
+                width = self._softness.blur if self._following is None else 0.0
                 force.append(near_force(square[:, 0] / self._length**2, width))
                 continue
             blurred = squares + (share * self._length) ** 2
@@ -384,32 +383,35 @@ class Cascade:
         table.kind = wp.array(uniform.astype(np.int32), dtype=wp.int32, device=self.launcher.device)
         table.size = TABLE_SIZE + 1
         table.scale, table.cutoff = TABLE_SIZE / cutoff**2, cutoff
-        table.blurs = int(self._differing is not None)
+        table.blurs = int(self._following is not None)
         return table
 
     def _set_softness(self, charge: np.ndarray) -> None:
         """Say what the near part between two charges is."""
-        near, softness = self._nearby, self._differing
+        near, softness = self._nearby, self._softness
         near.blurs, near.core, near.core_end = 0, 0.0, 1.0
-        if softness is not None:
+        if softness is not None and self._following is not None:
             near.blurs, near.core, near.core_end = 1, softness.core, 0.5 * (softness.reach / softness.blur) ** 2
-            self._charge_share = self.launcher.array(shares_of_blur(charge), float)
-        terms = near_terms(NEAR_REACH / math.sqrt(2.0), None if softness is not None else self._softness)
+            self._charge_share = self.launcher.array(self._following.shares(charge), float)
+            softness = None
+        terms = near_terms(NEAR_REACH / math.sqrt(2.0), softness)
         near.term = wp.array(terms, dtype=float, device=self.launcher.device)
 
     def _variances(self, points: Points, home: wp.array) -> wp.array:
         """Variance of the blur of a mean charge at points, by their homes."""
-        assert self._differing is not None
+        softness, following = self._softness, self._following
+        assert softness is not None
+        assert following is not None
         launcher, square = self.launcher, self._length**2
-        number = launcher.array(np.array(self._differing.number) @ self.node_share, float)
+        number = launcher.array(np.array(following.number) @ self.node_share, float)
         area = launcher.array(self.node_area, float)
-        usual = 0.5 * self._differing.blur**2 * square
-        bounds = (blur.LOWEST * usual, min(blur.WIDEST * usual, WIDEST_VARIANCE * square))
+        usual = 0.5 * softness.blur**2 * square
+        bounds = (following.lowest * usual, min(following.widest * usual, WIDEST_VARIANCE * square))
         result = launcher.empty(len(home), float)
         launcher.launch(
             kernels_cascade.follow_density,
             len(home),
-            [points, home, self._weights, number, area, self._length, usual, blur.EXPONENT, *bounds],
+            [points, home, self._weights, number, area, self._length, usual, following.exponent, *bounds],
             [result],
             grain=GRAIN_OF_NEIGHBORS,
         )
@@ -438,11 +440,11 @@ class Cascade:
         shares, of_group, of_target = np.ones(1), np.zeros(self.group_count, np.int32), 1.0
         variance = launcher.empty(0, float)
         self._variance = None
-        if self._differing is not None:
+        if self._following is not None:
             self._variance = self._variances(at_corners, taken(launcher, tile, self.home))
             variance = taken(launcher, first, self._variance)
-            shares, of_group = shares_of_groups(charge, charge_group, self.group_count)
-            of_target = float(np.average(shares_of_blur(charge), weights=charge))
+            shares, of_group = self._following.shares_of_groups(charge, charge_group, self.group_count)
+            of_target = float(np.average(self._following.shares(charge), weights=charge))
         sources, source_count = self._sources(facets, parts, columns, table.cutoff, of_target)
         force = launcher.empty(len(shares) * columns * len(first), wp.vec3)
         for number, share in enumerate(shares.tolist()):
@@ -466,7 +468,7 @@ class Cascade:
         """
         launcher, points, charge = self.launcher, parts.points, parts.all_amounts(columns)
         variance = None
-        if self._differing is not None:
+        if self._following is not None:
             homes = np.concatenate([taken(launcher, tile, self.home).numpy() for tile in parts.tile])
             variance = of_target * self._variances(points, launcher.array(homes, wp.int32)).numpy()
         # On a mesh that is finer than bodies can tell, many points count as one.

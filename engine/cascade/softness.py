@@ -11,10 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..field import blur
 from . import kernels_cascade
 
-__all__ = ["Softness", "near_force", "near_terms", "shares_of_blur", "shares_of_groups"]
+__all__ = ["Following", "Softness", "near_force", "near_terms"]
 
 # Octaves that are taken from -log r to have the near part between charges, and places that its polynomial is fitted to.
 FAR_OCTAVES = 40
@@ -24,6 +23,36 @@ FITTED = 4001
 SHARES = 4
 
 
+class Following(NamedTuple):
+    """How the blur follows the density of the charges, and the charges.
+
+    Attributes:
+        number: Charges that follow every image.
+        exponent: Its variance falls with this power of their density.
+        lowest: The least that it is, over that of a mean charge where there is one for every square of the length.
+        widest: The most that it is, over the same.
+        least: The least share of that which a small charge has.
+    """
+
+    number: tuple[float, ...]
+    exponent: float
+    lowest: float
+    widest: float
+    least: float
+
+    def shares(self, charge: np.ndarray) -> np.ndarray:
+        """Share of the variance of their place that charges are blurred by: a small one fills little space."""
+        return np.clip(charge, self.least, 1.0)
+
+    def shares_of_groups(self, charge: np.ndarray, group: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """A few shares of the variance, and which of them every group has on average, shapes ``[k]`` and ``[group_count]``."""
+        number = np.maximum(np.bincount(group, minlength=count), 1)
+        mean = np.bincount(group, np.log2(self.shares(charge)), count) / number
+        halvings = np.clip(np.round(-mean).astype(np.int64), 0, SHARES - 1)
+        used, which = np.unique(halvings, return_inverse=True)
+        return 0.5 ** used.astype(np.float64), which.astype(np.int32)
+
+
 class Softness(NamedTuple):
     """How soft charges are, in lengths of the cascade.
 
@@ -31,33 +60,13 @@ class Softness(NamedTuple):
         blur: Width of the Gaussian between them, and between them and what attracts them.
         core: Strength of what keeps them apart beside that, see :mod:`esh.engine.field.blur`.
         reach: Distance at which this ends.
-        number: Charges that follow every image, where the blur follows their density, and the charges; None where it is everywhere the
-            same.
+        following: What the blur follows; None where it is everywhere the same.
     """
 
     blur: float
     core: float
     reach: float
-    number: tuple[float, ...] | None = None
-
-    @property
-    def differs(self) -> bool:
-        """Whether not everything is blurred alike."""
-        return self.number is not None
-
-
-def shares_of_blur(charge: np.ndarray) -> np.ndarray:
-    """Share of the variance of their place that charges are blurred by: a small one fills little space."""
-    return np.clip(charge, blur.LEAST_OF_SMALL, 1.0)
-
-
-def shares_of_groups(charge: np.ndarray, group: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """A few shares of the variance, and which of them every group has on average, shapes ``[k]`` and ``[group_count]``."""
-    number = np.maximum(np.bincount(group, minlength=count), 1)
-    mean = np.bincount(group, np.log2(shares_of_blur(charge)), count) / number
-    halvings = np.clip(np.round(-mean).astype(np.int64), 0, SHARES - 1)
-    used, which = np.unique(halvings, return_inverse=True)
-    return 0.5 ** used.astype(np.float64), which.astype(np.int32)
+    following: Following | None = None
 
 
 def near_force(squared: np.ndarray, width: float = 0.0) -> np.ndarray:

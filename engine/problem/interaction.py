@@ -154,9 +154,11 @@ def most_levels(size: Size) -> int:
     most = max(FEWEST_LEVELS, min(LEVELS, math.ceil(LEVELS_PER_ROOT * math.sqrt(min(size.count or 0, 10**6)))))
     if size.area is not None:
         return most
-    # Outlines have the areas that they have, and nobody asked for one size after the other to be even: what is alike is one level.
+    # Outlines have the areas that they have, and nobody asked for one size after the other to be even: what is alike is one level, and
+    # a handful is one, too.
     low, high = size.area_span
-    return min(most, math.ceil(math.log(high / low) / math.log(ALIKE)))
+    of_count = int(LEVELS_PER_ROOT * math.sqrt(min(size.count or 0, 10**6)))
+    return max(1, min(most, of_count, math.ceil(math.log(high / low) / math.log(ALIKE))))
 
 
 def _levels(area: np.ndarray, exponent: float, most: int) -> tuple[np.ndarray, np.ndarray]:

@@ -64,8 +64,8 @@ class OwnForces:
         row = np.flatnonzero(model.body.group[model.charge.body] == group)
         charge = model.charge.charge[row]
         softness = softness_of(model)
-        if softness is not None and softness.number is not None:
-            softness = softness._replace(number=(float(len(row)),))
+        if softness is not None and softness.following is not None:
+            softness = softness._replace(following=softness.following._replace(number=(float(len(row)),)))
         self._cascade = Cascade(
             launcher,
             facets,

@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from ..cascade.softness import Softness
+from ..cascade.softness import Following, Softness
 from ..field import blur
 from .model import Model
 
@@ -47,5 +47,6 @@ def softness_of(model: Model) -> Softness | None:
     if alike:
         return Softness(width, strength, reach)
     # Charges, of which a line has several.
-    number = np.bincount(model.body.class_index[model.charge.body], minlength=len(problem.classes))
-    return Softness(width, strength, reach, tuple(number.astype(np.float64).tolist()))
+    number = np.bincount(model.body.class_index[model.charge.body], minlength=len(problem.classes)).astype(np.float64)
+    following = Following(tuple(number.tolist()), blur.EXPONENT, blur.LOWEST, blur.WIDEST, blur.LEAST_OF_SMALL)
+    return Softness(width, strength, reach, following)

@@ -123,7 +123,9 @@ def direct(launcher, model, descent):
         if soft is None:
             return 1.0 / square
         # Small charges are blurred less, where the blur differs.
-        variance = 0.5 * soft.blur**2 * (np.clip(charge, 0.125, 1.0) if soft.differs else np.ones(len(charge)))
+        variance = (
+            0.5 * soft.blur**2 * (np.clip(charge, 0.125, 1.0) if soft.following is not None else np.ones(len(charge)))
+        )
         squares = square / (variance[:, None] + variance)
         core = soft.core * np.maximum(1.0 - squares * (soft.blur / soft.reach) ** 2, 0.0) ** 2
         return (1.0 - np.exp(-0.5 * squares) + core) / square
