@@ -66,8 +66,8 @@ def shown_of(scatter):
 
 def test_classes_and_sizes_of_blender_have_all_settings_of_the_engine_s():
     for ours, theirs in ((esh.ScatterClass, BodyClass), (esh.ScatterSize, Size)):
-        # Outlines are those of the objects.
-        asked = settings_of(theirs).keys() - {"footprint"}
+        # Outlines are those of the objects, and so are usual areas.
+        asked = settings_of(theirs).keys() - {"footprint", "usual_area"}
         assert asked <= settings_of(ours).keys() == inspect.signature(ours).parameters.keys()
 
 
