@@ -19,7 +19,7 @@ from pathlib import Path
 import esh
 import warp as wp
 from esh.engine.device.devices import core_count
-from esh.engine.device.launcher import BLOCK_DIM
+from esh.engine.device.gpu_launches import BLOCK_DIM
 from esh.engine.device.prebuilt_gpu_kernels import archive_of, gpu_stem_of
 from esh.engine.device.quiet_start import start_warp
 from esh.engine.transforms import kernels_fft_gpu

@@ -21,7 +21,8 @@ import numpy as np
 import warp as wp
 
 from .devices import core_count, resolve_device
-from .prebuilt_gpu_kernels import load_prebuilt_on_gpu
+from .gpu_launches import launch_on_gpu
+from .gpu_memory import GpuMemory
 from .profile import Profile
 from .threads import Operation, Program, ThreadTeam
 
@@ -31,12 +32,9 @@ __all__ = [
     "Launcher",
     "Recording",
     "Until",
-    "launch_on_gpu",
     "launcher_of_process",
 ]
 
-# Threads per block on a GPU. Warp compiles a module anew for every other value, and CPU code for 1.
-BLOCK_DIM = 256
 # Elements that take a CPU thread some 10 microseconds, many times as long as it takes to hand them out: by themselves, and in kernels
 # that go through an element's neighbors.
 GRAIN = 1024
@@ -73,6 +71,7 @@ class Launcher:
         self._recording: CpuRecording | None = None
         self._gpu_recordings: list[GpuRecording] = []
         self._kept: dict[Hashable, Any] = {}
+        self._gpu_memory = GpuMemory(device) if device.is_cuda else None
         if self._team is not None and profile is not None:
             self._team.timed = True
 
@@ -137,11 +136,25 @@ class Launcher:
     def array(self, values: np.ndarray, dtype: type) -> wp.array:
         """An array for kernels to read: on the CPU ``values`` themselves where they are of that type, which nobody may change then.
 
-        A GPU fills one that NumPy made of a single value by ``broadcast_to`` itself.
+        A GPU has them from the next launch on, so that nothing else may read or change the array before that; see :meth:`own_array`.
+        It fills one that NumPy made of a single value by ``broadcast_to`` itself.
         """
-        if self.device.is_cuda and _is_single(values):
-            return wp.full(len(values), values[0].item(), dtype=dtype, device=self.device)
+        if self._gpu_memory is not None:
+            shared = self._gpu_memory.array(values, dtype)
+            if shared is not None:
+                return shared
+            if _is_single(values):
+                return wp.full(len(values), values[0].item(), dtype=dtype, device=self.device)
         return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device, copy=self.device.is_cuda)
+
+    def own_array(self, values: np.ndarray, dtype: type) -> wp.array:
+        """A copy that kernels and all others may read and change at once."""
+        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device, copy=True)
+
+    def send(self) -> None:
+        """Give a GPU what :meth:`array` was given; for whoever reads it without a :meth:`launch`."""
+        if self._gpu_memory is not None:
+            self._gpu_memory.send()
 
     def alike(self, values: np.ndarray, dtype: type) -> wp.array:
         """What :meth:`array` returns, for kernels that ask for elements by their index and never for an address.
@@ -150,7 +163,7 @@ class Launcher:
         """
         if not _is_single(values):
             return self.array(values, dtype)
-        one = wp.array(values[:1].copy(), dtype=dtype, device=self.device, copy=self.device.is_cuda)
+        one = self.array(values[:1].copy(), dtype)
         result = wp.array(ptr=one.ptr, shape=values.shape, strides=(0,), dtype=dtype, device=self.device)
         # The memory must not go before the view does.
         result.one = one
@@ -167,8 +180,11 @@ class Launcher:
         from_numpy: Callable[..., np.ndarray],
         from_warp: Callable[..., wp.array],
     ) -> wp.array:
+        if self._gpu_memory is not None:
+            shared = self._gpu_memory.zeros(shape, dtype)
+            return from_warp(shape, dtype=dtype, device=self.device) if shared is None else shared
         size = wp.types.type_size_in_bytes(dtype) * (shape if isinstance(shape, int) else math.prod(shape))
-        if self.device.is_cuda or size < LARGE_ARRAY:
+        if size < LARGE_ARRAY:
             return from_warp(shape, dtype=dtype, device=self.device)
         memory = from_numpy(size + CACHE_LINE, np.uint8)
         # NumPy begins a quarter into a line, so that every vector would lie in two.
@@ -202,6 +218,7 @@ class Launcher:
         if count <= 0:
             return
         self.python_launches += self._recording is None
+        self.send()
         if self._team is None:
             self._launch_on_gpu(kernel, count, [first, *([0] if per_thread else []), *inputs], outputs)
             return
@@ -232,18 +249,6 @@ class Launcher:
 
     def _launch_on_gpu(self, kernel: wp.Kernel, count: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> None:
         launch_on_gpu(kernel, count, [*inputs, *outputs], self.device)
-
-
-def launch_on_gpu(
-    kernel: wp.Kernel,
-    count: int | tuple[int, ...],
-    arguments: list[Any],
-    device: wp.Device,
-    block_dim: int = BLOCK_DIM,
-) -> None:
-    """Run a kernel on a GPU, with so many threads in a block; one that is prebuilt is not compiled."""
-    load_prebuilt_on_gpu(kernel.module, device.alias, block_dim)
-    wp.launch(kernel, dim=count, inputs=arguments, device=device, block_dim=block_dim)
 
 
 @lru_cache(maxsize=1)
@@ -301,6 +306,7 @@ class GpuRecording(Recording):
     def play(self, times: int = 1, until: Until | None = None) -> int:
         """See :meth:`Recording.play`; launches of a run that is profiled are made one by one, to be timed."""
         launcher = self._launcher
+        launcher.send()
         for _ in range(times):
             if not self._played or launcher.profiled:
                 self._run()
@@ -350,6 +356,7 @@ class CpuRecording(Recording):
         if self._program is None:
             _nothing()
         self._launcher.python_launches += 1
+        self._launcher.send()
         if until is None:
             done = 0
             while done < times:

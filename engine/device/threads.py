@@ -17,10 +17,10 @@ from functools import cache
 from typing import Any
 
 import warp as wp
-from warp._src.codegen import Struct as _Struct
 
 from ..errors import DeviceError
 from . import kernels_threads
+from .kernel_arguments import KernelArguments
 from .prebuilt_kernels import load_prebuilt
 from .quiet_start import start_warp
 
@@ -373,42 +373,17 @@ class _KnownKernel:
         taken = [type(value) for value in launch.params[1:]]
         self._layout = _structure(launch.kernel, tuple(taken))
         self._size = -(-ctypes.sizeof(self._layout) // 8) * 8
-        # What an argument was, and what Warp made of it.
-        self._arguments = [
-            (argument.label, argument.type, type(value), (value.dtype, value.ndim) if type(value) is wp.array else kind)
-            for argument, value, kind in zip(launch.kernel.adj.args, given, taken, strict=True)
-        ]
+        self._arguments = KernelArguments(launch.kernel, given, taken)
+        self._labels = [argument.label for argument in launch.kernel.adj.args]
 
     def packed(self, given: Sequence[Any]) -> tuple[ctypes.Array[ctypes.c_char], object] | None:
-        """Its arguments as :func:`_pack` makes them, and what these are made of; None where Warp has to look at them.
-
-        That is most of the time of a small kernel's launch. What is not of the type that it was before is left to Warp, which knows
-        what else fits, and says what does not.
-        """
-        if len(given) != len(self._arguments):
+        """Its arguments as :func:`_pack` makes them, and what these are made of; None where Warp has to look at them."""
+        values = self._arguments.passed(given)
+        if values is None:
             return None
-        values: list[Any] = []
-        for (_, kind, before, made), value in zip(self._arguments, given, strict=True):
-            if type(value) is not before:
-                return None
-            if before is wp.array:
-                if (value.dtype, value.ndim) != made:
-                    return None
-                values.append(value.__ctype__())
-            elif isinstance(kind, _Struct):
-                values.append(value.__ctype__())
-            elif (before is int and kind in (int, wp.int32) and -(2**31) <= value < 2**31) or (
-                before in (int, float) and kind in (float, wp.float32)
-            ):
-                values.append(value)
-            elif before is made:
-                # A vector, which is passed as it is.
-                values.append(value)
-            else:
-                return None
         packed = ctypes.create_string_buffer(self._size)
         fields = self._layout.from_buffer(packed)
-        for (label, *_), value in zip(self._arguments, values, strict=True):
+        for label, value in zip(self._labels, values, strict=True):
             setattr(fields, label, value)
         # With the arrays themselves, which nobody else may hold.
         return packed, (values, tuple(given))

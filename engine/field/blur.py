@@ -159,7 +159,7 @@ class Blur:
         """What of each of the ``images``, on the mesh, flat, one after the other, is blurred at a level: all of it, of one level."""
         if self.constant:
             return images
-        levels = wp.array(self.levels, dtype=float, device=self._launcher.device)
+        levels = self._launcher.array(np.array(self.levels), float)
         result = self._launcher.empty(len(images), float)
         node_count = self._layout.node_count
         self._launcher.launch(

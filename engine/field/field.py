@@ -166,9 +166,7 @@ class Field:
         """How the blur differs; ``family`` is that of every group, or None for a single one."""
         places = kernels_gather.BlurOfPlaces()
         places.by_family = int(family is not None)
-        places.family_of_group = wp.array(
-            [0] if family is None else family, dtype=wp.int32, device=self.launcher.device
-        )
+        places.family_of_group = self.launcher.array(np.zeros(1) if family is None else family, wp.int32)
         places.by_size, places.by_place = int(not self.blur.constant), int(not self.blur.uniform)
         places.least, places.mesh, places.variance = LEAST_OF_SMALL, self._corrected.mesh, self.blur.variance
         return places
@@ -205,7 +203,7 @@ class Field:
         blurred = kernels_field.Blurred()
         blurred.family = self.launcher.zeros(room, wp.int32)
         # Where the blur is everywhere the same, this never changes.
-        blurred.variance = wp.full(room, self.blur.levels[0], dtype=float, device=self.launcher.device)
+        blurred.variance = self.launcher.array(np.broadcast_to(np.float32(self.blur.levels[0]), room), float)
         blurred.alike = int(self.blur.constant and not self._places.by_family)
         blurred.sharper, blurred.core, blurred.per_core = sharper, self.core, 1.0 / self.core_end
         return blurred

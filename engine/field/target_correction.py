@@ -74,6 +74,7 @@ class TargetCorrection:
         cutoff: float,
         fewest_nodes: int,
     ) -> None:
+        self._launcher = launcher
         self.layout = target_mesh(
             space,
             spacing,
@@ -116,7 +117,7 @@ class TargetCorrection:
         correction = kernels_correction.Correction()
         correction.mesh = self.layout.for_kernels()
         correction.potential, correction.row, correction.scale = self.potential, self.row, self.scale
-        correction.levels = wp.array(self.blur.levels, dtype=float, device=self.potential.device)
+        correction.levels = self._launcher.array(np.array(self.blur.levels), float)
         correction.acts = self.acts
         correction.blocks_y, correction.blocks_x = self._blocks
         return correction

@@ -247,7 +247,6 @@ def _spacing_of_class(placement: Placement, index: int, launcher: Launcher) -> S
 
 def _number_density(bodies: MeasuredBodies, classes: Sequence[PreparedClass]) -> wp.array:
     """Number of bodies of some classes per square unit that is asked for at every body."""
-    device = bodies.launcher.device
     images = [c.density_image for c in classes]
     per_pixel = [
         c.body_count / (bodies.space.area * float(image.mean(dtype=np.float64)))
@@ -259,7 +258,7 @@ def _number_density(bodies: MeasuredBodies, classes: Sequence[PreparedClass]) ->
         bodies.count,
         [
             bodies.pose,
-            wp.array(per_pixel, dtype=float, device=device),
+            bodies.launcher.array(np.array(per_pixel), float),
             images_for_kernels(bodies.launcher, images, bodies.space.size, to_support=False),
             wp.vec2(*bodies.space.size),
         ],

@@ -60,7 +60,7 @@ def smallest_spacing(
         1 for a perfect hexagonal lattice; None for fewer than two bodies, or where no two are neighbors.
     """
     bodies = measured_bodies(launcher, domain, position)
-    density = wp.array(number_density * bodies.unit**2, dtype=float, device=launcher.device)
+    density = launcher.array(number_density * bodies.unit**2, float)
     spacing = measure_spacing(bodies, density)
     return spacing and spacing.smallest
 

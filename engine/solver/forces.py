@@ -96,7 +96,7 @@ class Forces:
                 field.attraction,
                 layout.node_count,
                 1.0 / layout.node_area,
-                wp.array(least, dtype=float, device=launcher.device),
+                launcher.array(least, float),
                 wp.empty(0, dtype=float, device=launcher.device) if share is None else share,
             ],
             [result],

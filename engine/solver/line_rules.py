@@ -20,7 +20,15 @@ from . import kernels_descent
 from .body_flags import BodyFlags
 from .model import LineKind, Model
 
-__all__ = ["FIRST_LENGTH", "LineRules", "length_blocks", "numbers_for_kernels", "pressed_of", "weights_of"]
+__all__ = [
+    "FIRST_LENGTH",
+    "LineRules",
+    "first_length_factors",
+    "length_blocks",
+    "numbers_for_kernels",
+    "pressed_of",
+    "weights_of",
+]
 
 # Lines start at this share of their preferred length: short enough not to cross, and grow while they spread.
 FIRST_LENGTH = 0.1
@@ -29,8 +37,13 @@ BLOCK = 6.0
 
 
 def numbers_for_kernels(launcher: Launcher, values: Sequence[float] | np.ndarray) -> wp.array:
-    """Return numbers on the device, ``float``; a single 0 where there are none."""
-    return wp.array(np.array(values if len(values) else [0.0], np.float32), dtype=float, device=launcher.device)
+    """Return numbers on the device, ``float``, for kernels to read; a single 0 where there are none."""
+    return launcher.array(np.array(values if len(values) else [0.0], np.float32), float)
+
+
+def first_length_factors(launcher: Launcher, count: int) -> wp.array:
+    """Return factors of 1 on preferred lengths, which steps will change; a single one where there are none."""
+    return launcher.own_array(np.ones(max(count, 1), np.float32), float)
 
 
 def weights_of(rules: Sequence[Line], launcher: Launcher) -> kernels_descent.Lines:
@@ -78,7 +91,7 @@ class LineRules:
         lines = weights_of(rules, launcher)
         blocks = length_blocks(model)
         self.block_count = sum(rows * columns for rows, columns in blocks)
-        lines.length_factor = numbers_for_kernels(launcher, [1.0] * (len(rules) + self.block_count))
+        lines.length_factor = first_length_factors(launcher, len(rules) + self.block_count)
         starts = np.cumsum([len(rules)] + [rows * columns for rows, columns in blocks])[: len(rules)]
         lines.block_start, lines.block_rows, lines.block_columns = (
             launcher.array(np.array(values, np.int32).reshape(-1), wp.int32)

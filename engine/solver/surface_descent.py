@@ -29,6 +29,7 @@ from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels
 from .direction import Direction
 from .edit import carry_bends
 from .initial_placement import body_starts
+from .line_rules import first_length_factors
 from .model import Model
 from .surface_contact import SurfaceContact
 from .surface_correlation import correlation_potential
@@ -404,9 +405,9 @@ class SurfaceDescent:
             move=launcher.zeros(n, wp.vec3),
             axis=wp.array(axis.astype(np.float32), dtype=wp.vec3, device=device),
             bend=launcher.zeros(model.charge_count, float),
-            heading=launcher.array(model.footprints.turn.astype(np.float32), float),
+            heading=launcher.own_array(model.footprints.turn.astype(np.float32), float),
             turned=launcher.zeros(n, wp.vec2),
             turn=launcher.zeros(n, wp.vec2),
-            length_factor=wp.array(np.ones(max(self.rules.kind_count, 1), np.float32), dtype=float, device=device),
+            length_factor=first_length_factors(self.launcher, self.rules.kind_count),
             steps=np.zeros(1, np.int32),
         )

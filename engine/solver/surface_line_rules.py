@@ -10,7 +10,7 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..problem.surface_directions import SLOPE, direction_at, down_the_slope
 from ..surface.facets import Facets
-from .line_rules import FIRST_LENGTH, numbers_for_kernels, pressed_of, weights_of
+from .line_rules import FIRST_LENGTH, first_length_factors, numbers_for_kernels, pressed_of, weights_of
 from .model import LineKind, Model
 from .surface_places import cells_of
 
@@ -47,7 +47,7 @@ class SurfaceLineRules:
 
         whole = np.arange(max(self.kind_count, 1), dtype=np.int32)
         lines = weights_of(rules, launcher)
-        lines.length_factor = numbers_for_kernels(launcher, [1.0] * len(rules))
+        lines.length_factor = first_length_factors(launcher, len(rules))
         lines.length = numbers_for_kernels(launcher, [line.longest / model.unit for line in rules])
         lines.length_start = wp.array(whole, dtype=wp.int32, device=device)
         lines.length_height = wp.array(np.ones_like(whole), dtype=wp.int32, device=device)

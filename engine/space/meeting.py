@@ -24,6 +24,6 @@ def meeting_of(launcher: Launcher, class_index: np.ndarray | None, apart: np.nda
         result.of_body, result.apart = launcher.zeros(1, wp.int32), launcher.zeros(1, wp.int32)
         return result
     result.of_body = launcher.array(class_index.astype(np.int32), wp.int32)
-    result.apart = wp.array(apart.astype(np.int32).ravel(), dtype=wp.int32, device=launcher.device)
+    result.apart = launcher.array(apart.astype(np.int32).ravel(), wp.int32)
     result.classes = len(apart)
     return result

@@ -50,7 +50,6 @@ class Neighborhood:
         meeting: Meeting | None = None,
     ) -> None:
         self.launcher = launcher
-        device = launcher.device
         n = len(radius)
         reach = radius + half_length
         level = np.clip(np.log2(reach.max() / reach), 0, MOST_LEVELS - 1).astype(np.int32)
@@ -63,14 +62,14 @@ class Neighborhood:
         first = np.concatenate([[0], np.cumsum(counts.prod(axis=1))])
         grid = kernels_neighborhood.ContactGrid()
         grid.level_count = len(used)
-        grid.reach = wp.array(most_reach, dtype=float, device=device)
-        grid.count_x = wp.array(counts[:, 0], dtype=wp.int32, device=device)
-        grid.count_y = wp.array(counts[:, 1], dtype=wp.int32, device=device)
-        grid.first_cell = wp.array(first, dtype=wp.int32, device=device)
+        grid.reach = launcher.array(most_reach, float)
+        grid.count_x = launcher.array(counts[:, 0], wp.int32)
+        grid.count_y = launcher.array(counts[:, 1], wp.int32)
+        grid.first_cell = launcher.array(first, wp.int32)
         grid.space = space.for_kernels()
         footprints = kernels_neighborhood.Footprints()
-        footprints.level = launcher.array(level, wp.int32)
-        footprints.radius = launcher.array(radius, float)
+        footprints.level = launcher.own_array(level, wp.int32)
+        footprints.radius = launcher.own_array(radius, float)
         footprints.mass = launcher.array(mass / mass[np.isfinite(mass)].mean(), float)
         footprints.meeting = meeting or meeting_of(launcher, None, None)
         self.footprints = footprints

@@ -185,7 +185,7 @@ class Facets:
             return result
 
         corner = np.arange(3 * self.count, dtype=np.int32)
-        self.mesh = wp.Mesh(single(self.on_device.corner), launcher.array(corner, wp.int32))
+        self.mesh = wp.Mesh(single(self.on_device.corner), launcher.own_array(corner, wp.int32))
         facets = kernels_facets.Facets()
         facets.mesh = self.mesh.id
         facets.corner = self.mesh.points

@@ -78,6 +78,7 @@ class Convolution:
         """Convolve real ``meshes`` (flat, of ``shape``, one after the other) in place, or into ``result``."""
         result = meshes if result is None else result
         if self._gpu is not None:
+            self.launcher.send()
             self._gpu.apply(influence, meshes, result)
             return
         rows, columns = self.shape
@@ -113,6 +114,7 @@ class Convolution:
             part = self.launcher.empty(size, float)
             result.zero_()
             for j, mesh in enumerate(meshes):
+                self.launcher.send()
                 for k in range(sums):
                     self._gpu.apply(influences[k][j], mesh, part)
                     self.launcher.launch(kernels_fft_gpu.add_to, size, [part], [result[k * size : (k + 1) * size]])
@@ -161,6 +163,7 @@ class Convolution:
         """
         influence = self.launcher.zeros(self.influence_size, float)
         if self._gpu is not None:
+            self.launcher.send()
             self._gpu.transform_even(quarter, influence)
             return influence
         rows, columns = self.padded

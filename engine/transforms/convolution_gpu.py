@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..device.launcher import BLOCK_DIM, launch_on_gpu
+from ..device.gpu_launches import BLOCK_DIM, launch_on_gpu
 from . import kernels_fft_gpu
 
 __all__ = ["LONGEST_ROW", "GpuTransforms"]
