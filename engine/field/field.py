@@ -174,7 +174,8 @@ class Field:
     def _make_room(self, interaction: np.ndarray) -> None:
         """Room for the charges in the order of their cells, and for what is on the mesh."""
         launcher, room = self.launcher, self.charge_count + kernels_near.LANES
-        self._cell_sort = CellSort(launcher, self.charge_count, self.cells.count_x * self.cells.count_y)
+        cell_count = self.cells.count_x * self.cells.count_y
+        self._cell_sort = CellSort(launcher, self.charge_count, cell_count, spread=True)
         charges = kernels_cells.SortedCharges()
         charges.order, charges.cell_start = self._cell_sort.order, self._cell_sort.cell_start
         charges.x, charges.y, charges.charge = (launcher.zeros(room, float) for _ in range(3))

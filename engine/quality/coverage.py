@@ -120,8 +120,14 @@ class Coverage:
         launcher.launch(kernels_coverage.take_clouds, shape[0] * columns, [factor], [self._grid, difference])
         weights = sum(weight for _, weight in targets)
         for image, weight in targets:
-            share = self._share_of(image)
             factor = -rows * columns * weight / weights
+            if image.size == 1:
+                # The same everywhere.
+                launcher.launch(
+                    kernels_coverage.add_everywhere, rows * columns, [factor / (rows * columns)], [difference]
+                )
+                continue
+            share = self._share_of(image)
             launcher.launch(kernels_coverage.add_shares, rows * columns, [share, factor], [difference])
         convolution.apply(influence, difference)
         squares = launcher.empty(rows, wp.float64)

@@ -84,6 +84,17 @@ def take_clouds(
 
 
 @wp.kernel
+def add_everywhere(
+    first: int,
+    amount: float,
+    # outputs
+    result: wp.array(dtype=float),
+):
+    i = first + wp.tid()
+    result[i] = result[i] + amount
+
+
+@wp.kernel
 def add_shares(
     first: int,
     share: wp.array(dtype=float),
@@ -93,6 +104,22 @@ def add_shares(
 ):
     i = first + wp.tid()
     result[i] = result[i] + factor * share[i]
+
+
+# Of eight columns at once: a processor would wait for every sum before the next.
+_SQUARES = """
+    const float* values = (const float*)grid.data + begin;
+    double sums[8] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    int i = 0;
+    for (; i + 8 <= count; i += 8)
+        for (int k = 0; k < 8; ++k) sums[k] += (double)values[i + k] * (double)values[i + k];
+    for (; i < count; ++i) sums[i & 7] += (double)values[i] * (double)values[i];
+    return ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7]));
+"""
+
+
+@wp.func_native(_SQUARES)
+def sum_of_squares(grid: wp.array(dtype=float), begin: int, count: int) -> wp.float64: ...
 
 
 @wp.kernel
@@ -105,8 +132,4 @@ def sum_squares(
 ):
     """Sum of the squares of every row."""
     row = first + wp.tid()
-    total = wp.float64(0.0)
-    for column in range(columns):
-        value = wp.float64(grid[row * columns + column])
-        total += value * value
-    squares[row] = total
+    squares[row] = sum_of_squares(grid, row * columns, columns)

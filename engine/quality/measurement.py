@@ -18,7 +18,7 @@ from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.report import ClassReport, Report, SizeReport
 from ..problem.surface import Surface
-from ..space.asked_counts import counts_in_cells
+from ..space.asked_counts import share_in_use
 from ..space.support import images_for_kernels
 from . import kernels_spacing
 from .coverage import Coverage
@@ -60,7 +60,7 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     if footprints.has_outlines:
         outlined = footprints.areas(placement.length, placement.width, apart=False)
         seen = np.where(footprints.is_outline, outlined, seen)
-    covered = float(seen.sum() / (domain.area * np.mean(counts_in_cells(problem) > 0.0)))
+    covered = float(seen.sum() / (domain.area * share_in_use(problem)))
     notes = [note for c in problem.classes for note in c.notes]
     overlaps = overlaps_of(placement, launcher, footprints, bodies.position)
     notes += _notes_on_overlaps(problem, overlaps, covered)

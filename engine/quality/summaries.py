@@ -10,17 +10,24 @@ from . import kernels_summaries
 
 __all__ = ["largest_by_kind", "least_and_number", "median_of_least", "sum_of_squares", "sum_of_whole"]
 
+# So many numbers are fetched and looked at here, which is done sooner than to have a device look.
+FEW = 1 << 15
 # Numbers that one element goes through: enough for a thread of the CPU; a GPU has many more elements at once.
 BLOCK_ON_CPU, BLOCK_ON_GPU = 4096, 128
 
 
 def least_and_number(launcher: Launcher, values: wp.array, limit: float) -> tuple[float, int]:
     """Return the least of some floats, and how many of them are below a limit."""
+    if len(values) <= FEW:
+        here = values.numpy()
+        return float(here.min()), int(np.count_nonzero(here < limit))
     return _least_and_number(launcher, values, -np.inf, limit)
 
 
 def median_of_least(launcher: Launcher, values: wp.array, number: int) -> float:
     """Return the median of the ``number`` least of some floats, none of which is negative."""
+    if len(values) <= FEW:
+        return float(np.median(np.partition(values.numpy(), number - 1)[:number]))
     # The bits of such floats have the same order as they.
     bits = wp.array(ptr=values.ptr, shape=values.shape, dtype=wp.int32, device=values.device)
     low = (number - 1) // 2

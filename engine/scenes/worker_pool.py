@@ -21,6 +21,9 @@ __all__ = ["WorkerPool"]
 ATTEMPTS = 3
 # How long a thread that has an answer waits at a time for somebody to take it [s].
 PATIENCE = 0.2
+# For Linux: memory that a problem gives back stays with the process for the next one, up to 64 MB and in pieces of up to 32. To get it
+# from the system again takes a sixth of the time of 200 bodies.
+KEEPS_MEMORY = {"MALLOC_TRIM_THRESHOLD_": str(64 << 20), "MALLOC_MMAP_THRESHOLD_": str(32 << 20)}
 
 
 class WorkerPool:
@@ -185,7 +188,7 @@ class _Process:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
-            env={**os.environ, "ESH_THREADS": str(threads), **environment},
+            env={**KEEPS_MEMORY, **os.environ, "ESH_THREADS": str(threads), **environment},
             **apart,
         )
 

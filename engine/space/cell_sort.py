@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,6 +15,8 @@ __all__ = ["CellSort", "position_of"]
 
 # Fewer items are sorted by one thread at once: for them the passes of several would cost more than they save.
 FEW_ITEMS = 4096
+# Cells that a thread of a GPU counts.
+CELLS_OF_PART = 16
 # Buckets for every thread: enough that a full one keeps no thread waiting.
 BUCKETS_PER_THREAD = 8
 
@@ -29,30 +32,34 @@ def position_of(pose: wp.array) -> wp.array:
 class CellSort:
     """Puts items into the order of their cells; those of one cell keep their order, however many threads sort.
 
-    A GPU sorts by radix. CPU threads put items into *buckets* of many cells, each thread those of a part, and then sort bucket after
+    A GPU sorts by radix, or where items are spread by counting, which takes a third of the time. CPU threads put items into *buckets* of many cells, each thread those of a part, and then sort bucket after
     bucket by counting.
 
     Args:
         launcher: Where to run.
         count: Number of items.
         cell_count: Number of cells.
+        spread: Whether few items lie in a cell, or whoever sorts them goes through all pairs of a cell in any case.
 
     Attributes:
         order: Items, cell after cell, ``wp.int32``, shape ``[count]`` or longer.
         cell_start: Place of the first item of every cell in ``order``, and at the end their number, shape ``[cell_count + 1]``.
     """
 
-    def __init__(self, launcher: Launcher, count: int, cell_count: int) -> None:
+    def __init__(self, launcher: Launcher, count: int, cell_count: int, *, spread: bool = False) -> None:
         self._launcher = launcher
         self._count = count
         self._cell_count = cell_count
         device = launcher.device
+        self._counting: kernels_cells.Counting | None = None
         # The radix sort wants room for a copy.
-        room = 2 * count if device.is_cuda else count
+        room = 2 * count if device.is_cuda and not spread else count
         self._key = launcher.empty(room, wp.int32)
         self.order = launcher.empty(room, wp.int32)
         self.cell_start = launcher.empty(cell_count + 1, wp.int32)
         if device.is_cuda:
+            if spread:
+                self._counting = self._room_for_counting()
             return
         self._parts = 1 if count <= FEW_ITEMS else launcher.thread_count
         # Cells of a bucket, as a power of two.
@@ -78,6 +85,9 @@ class CellSort:
         n = self._count
         launch = self._launcher.launch
         launch(find_keys, n, inputs, [self._key, self.order])
+        if self._counting is not None:
+            self._sort_by_counting(self._counting)
+            return
         if self._launcher.device.is_cuda:
             # No more bits than cells have: a pass takes eight of them.
             wp.utils.radix_sort_pairs(self._key, self.order, n, end_bit=self._cell_count.bit_length())
@@ -108,3 +118,21 @@ class CellSort:
             [self.cell_start, self.order],
             grain=1,
         )
+
+    def _room_for_counting(self) -> kernels_cells.Counting:
+        launcher, counting = self._launcher, kernels_cells.Counting()
+        parts = -(-self._cell_count // CELLS_OF_PART)
+        # Whoever adds up groups, and then parts of one, has few of either.
+        counting.cells, counting.parts = CELLS_OF_PART, math.isqrt(parts) + 1
+        counting.key, counting.unordered = self._key, launcher.empty(self._count, wp.int32)
+        counting.in_cell, counting.in_part = launcher.zeros(self._cell_count, wp.int32), launcher.zeros(parts, wp.int32)
+        counting.in_group = launcher.zeros(-(-parts // counting.parts), wp.int32)
+        return counting
+
+    def _sort_by_counting(self, counting: kernels_cells.Counting) -> None:
+        n, parts, launch = self._count, len(counting.in_part), self._launcher.launch
+        launch(kernels_cells.count_items, n, [], [counting])
+        launch(kernels_cells.add_up_cells, parts, [], [counting])
+        launch(kernels_cells.place_cells, parts, [counting], [self.cell_start])
+        launch(kernels_cells.fill_cells, n, [self.cell_start], [counting])
+        launch(kernels_cells.order_cells, n, [counting, self.cell_start], [self.order])

@@ -190,3 +190,103 @@ def sort_buckets(
             order[at] = bucket_item[s]
     if high == cell_count:
         cell_start[cell_count] = end
+
+
+@wp.struct
+class Counting:
+    """What a sort by counting needs beside what it makes; all but ``key`` and ``unordered`` are zeros before it and after it.
+
+    ``in_cell`` is the number of items in every cell, ``in_part`` that in every ``cells`` of them, ``in_group`` that in every ``parts``
+    of these.
+    """
+
+    key: wp.array(dtype=wp.int32)
+    unordered: wp.array(dtype=wp.int32)
+    in_cell: wp.array(dtype=wp.int32)
+    in_part: wp.array(dtype=wp.int32)
+    in_group: wp.array(dtype=wp.int32)
+    cells: wp.int32
+    parts: wp.int32
+
+
+@wp.kernel
+def count_items(
+    first: int,
+    # outputs
+    counting: Counting,
+):
+    """Count an item in its cell."""
+    i = first + wp.tid()
+    wp.atomic_add(counting.in_cell, counting.key[i], 1)
+
+
+@wp.kernel
+def add_up_cells(
+    first: int,
+    # outputs
+    counting: Counting,
+):
+    """Count what is in a part, and add it to its group; an element is a part."""
+    part = first + wp.tid()
+    count = int(0)
+    for c in range(part * counting.cells, wp.min((part + 1) * counting.cells, counting.in_cell.shape[0])):
+        count += counting.in_cell[c]
+    counting.in_part[part] = count
+    if count > 0:
+        wp.atomic_add(counting.in_group, part / counting.parts, count)
+
+
+@wp.kernel
+def place_cells(
+    first: int,
+    counting: Counting,
+    # outputs
+    cell_start: wp.array(dtype=wp.int32),
+):
+    """Find where the cells of a part start; an element is a part. The last one also says where the last cell ends."""
+    part = first + wp.tid()
+    group = part / counting.parts
+    start = int(0)
+    for g in range(group):
+        start += counting.in_group[g]
+    for p in range(group * counting.parts, part):
+        start += counting.in_part[p]
+    end = wp.min((part + 1) * counting.cells, counting.in_cell.shape[0])
+    for c in range(part * counting.cells, end):
+        cell_start[c] = start
+        start += counting.in_cell[c]
+    if end == counting.in_cell.shape[0]:
+        cell_start[end] = start
+
+
+@wp.kernel
+def fill_cells(
+    first: int,
+    cell_start: wp.array(dtype=wp.int32),
+    # outputs
+    counting: Counting,
+):
+    """Put an item anywhere into its cell."""
+    i = first + wp.tid()
+    cell = counting.key[i]
+    counting.unordered[cell_start[cell] + wp.atomic_sub(counting.in_cell, cell, 1) - 1] = i
+    if i < counting.in_group.shape[0]:
+        counting.in_group[i] = 0
+
+
+@wp.kernel
+def order_cells(
+    first: int,
+    counting: Counting,
+    cell_start: wp.array(dtype=wp.int32),
+    # outputs
+    order: wp.array(dtype=wp.int32),
+):
+    """Put an item to its place in its cell: behind those whose numbers are smaller."""
+    item = counting.unordered[first + wp.tid()]
+    cell = counting.key[item]
+    place = cell_start[cell]
+    for s in range(cell_start[cell], cell_start[cell + 1]):
+        if counting.unordered[s] < item:
+            place += 1
+    order[place] = item

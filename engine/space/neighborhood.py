@@ -74,7 +74,7 @@ class Neighborhood:
         footprints.meeting = meeting or meeting_of(launcher, None, None)
         self.footprints = footprints
         self.body_count = n
-        self._cells = CellSort(launcher, n, int(first[-1]))
+        self._cells = CellSort(launcher, n, int(first[-1]), spread=True)
         room = n + kernels_neighborhood.LANES
         near = kernels_neighborhood.Sorted()
         near.body = self._cells.order

@@ -44,3 +44,44 @@ def test_a_view_follows_its_poses():
     view = position_of(pose)
     pose.assign(np.arange(12, dtype=np.float32).reshape(3, 4))
     np.testing.assert_array_equal(view.numpy(), [[0, 1], [4, 5], [8, 9]])
+
+
+@pytest.mark.parametrize(("count", "cells"), [(1, 1), (500, 7), (3000, 1), (5000, 40_000), (20_000, 3001)])
+def test_counting_sorts_as_others_do(monkeypatch, count, cells):
+    """As a GPU does it; one thread, since no other may count at once on the CPU."""
+    monkeypatch.setenv("ESH_THREADS", "1")
+    launcher = Launcher(resolve_device("cpu"))
+    try:
+        sort = CellSort(launcher, count, cells)
+        counting = sort._room_for_counting()
+        for seed in range(3):
+            # Some cells hold many, most of them none.
+            key = (np.random.default_rng(seed).random(count) ** 3 * cells).astype(np.int32)
+            counting.key.assign(key)
+            sort._sort_by_counting(counting)
+            np.testing.assert_array_equal(sort.order.numpy()[:count], np.argsort(key, kind="stable"))
+            start = np.searchsorted(np.sort(key), np.arange(cells + 1))
+            np.testing.assert_array_equal(sort.cell_start.numpy(), start)
+    finally:
+        launcher.close()
+
+
+@pytest.mark.cuda
+@pytest.mark.parametrize("spread", [False, True])
+@pytest.mark.parametrize(("count", "cells"), [(1, 1), (500, 7), (3000, 1), (20_000, 3001), (1_000_000, 700_000)])
+def test_a_gpu_sorts_as_others_do(count, cells, spread):
+    launcher = Launcher(resolve_device("cuda:0"))
+    try:
+        grid = kernels_cells.CellGrid()
+        grid.count_x, grid.count_y, grid.inverse_size = cells, 1, wp.vec2(float(cells), 1.0)
+        grid.space = Space((1.0, 1.0)).for_kernels()
+        sort = CellSort(launcher, count, cells, spread=spread)
+        for seed in range(3):
+            place = np.random.default_rng(seed).random((count, 2)).astype(np.float32) ** 2
+            sort.sort(kernels_cells.compute_cell_keys, [launcher.own_array(place, wp.vec2), grid])
+            key = np.minimum((place[:, 0] * np.float32(cells)).astype(np.int32), cells - 1)
+            np.testing.assert_array_equal(sort.order.numpy()[:count], np.argsort(key, kind="stable"))
+            start = np.searchsorted(np.sort(key), np.arange(cells + 1))
+            np.testing.assert_array_equal(sort.cell_start.numpy(), start)
+    finally:
+        launcher.close()
