@@ -32,8 +32,8 @@ def position_of(pose: wp.array) -> wp.array:
 class CellSort:
     """Puts items into the order of their cells; those of one cell keep their order, however many threads sort.
 
-    A GPU sorts by radix, or where items are spread by counting, which takes a third of the time. CPU threads put items into *buckets* of many cells, each thread those of a part, and then sort bucket after
-    bucket by counting.
+    A GPU sorts by radix, or where items are spread by counting, which takes a third of the time. CPU threads put items into
+    *buckets* of many cells, each thread those of a part, and then sort bucket after bucket by counting.
 
     Args:
         launcher: Where to run.
