@@ -21,6 +21,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
+from ..problem.of_bodies import is_same
 from ..space.mesh_layout import MeshLayout
 from ..space.target_deposit import deposit_images, mix_images
 from . import kernels_blur
@@ -140,9 +141,11 @@ class Blur:
             self._follow_density(deposited, number, spacing, usual, bounds)
             values = self.variance.numpy()
             low, high = float(values.min()), float(values.max())
-        share = np.clip(charge, LEAST_OF_SMALL, 1.0)
+        # What is the same of all need not be gone through.
+        each = charge[:1] if is_same(charge) else charge
+        share = np.clip(each, LEAST_OF_SMALL, 1.0)
         # What of its place's variance the target has: that of the charges which are to make it up.
-        self._of_target = float((charge * share).sum() / charge.sum())
+        self._of_target = float((each * share).sum() / each.sum())
         low *= float(share.min())
         if high < NEGLIGIBLE * low:
             self.variance = launcher.alike(np.broadcast_to(np.float32(usual), layout.node_count), float)

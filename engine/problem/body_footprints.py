@@ -11,7 +11,7 @@ import numpy as np
 from .body_kind import disc_radius
 from .footprint import Footprint
 from .footprints import Footprints
-from .of_bodies import of_all, of_bodies, one_by_one
+from .of_bodies import is_same, of_all, of_bodies, one_by_one
 from .packing import CELLS, in_cells
 from .problem import Problem
 from .settings import settle
@@ -61,7 +61,7 @@ class BodyFootprints:
     def __post_init__(self) -> None:
         if not len(self.slope):
             n = len(self.shape)
-            settle(self, slope=np.full(n, -1, np.int32), most_tilt=np.zeros(n), seen=np.ones(n))
+            settle(self, slope=of_all(np.int32(-1), n), most_tilt=of_all(0.0, n), seen=of_all(1.0, n))
 
     @property
     def has_outlines(self) -> bool:
@@ -76,6 +76,8 @@ class BodyFootprints:
             identity: Numbers of the bodies, see :meth:`.problem.Problem.body_ids`.
             seed: Of the problem.
         """
+        if is_same(self.most_tilt) and self.most_tilt[0] == 0.0:
+            return None
         return tilts(self.most_tilt, identity, seed) if self.most_tilt.any() else None
 
     def slopes_at(

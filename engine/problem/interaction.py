@@ -61,9 +61,12 @@ class Groups:
         None where they do not come group after group, as those of a range of areas.
         """
         group = self.body_group
-        if self.count > 1 and not (group[1:] >= group[:-1]).all():
+        if self.count == 1:
+            return np.array([0, len(group)])
+        if not (group[1:] >= group[:-1]).all():
             return None
-        return np.searchsorted(group, np.arange(self.count + 1))
+        # Of another type NumPy would make a copy of the whole table.
+        return np.searchsorted(group, np.arange(self.count + 1, dtype=group.dtype))
 
     @property
     def body_count(self) -> np.ndarray:

@@ -52,7 +52,7 @@ def laid_out(
 
     def numbers(values: np.ndarray) -> wp.array:
         # Dots have neither angle nor length; what is 0 of all is there once.
-        return launcher.alike(values if values.any() else of_all(0.0, len(values)), wp.float64)
+        return launcher.alike(values if is_same(values) or values.any() else of_all(0.0, len(values)), wp.float64)
 
     outlines = footprints.shapes
     cores = [*(outline.corners for outline in outlines), np.array([[-1.0, 0.0], [1.0, 0.0]])]
@@ -60,6 +60,11 @@ def laid_out(
     shape = one_by_one(
         lambda number: np.where(number == CAPSULE, len(outlines), number).astype(np.int32), footprints.shape
     )
+    if is_same(shape) and shape[0] < len(outlines):
+        # No lines; and who is round is turned as well as not.
+        length = width = of_all(0.0, n)
+        if len(cores[shape[0]]) == 1:
+            angle = length
     given = kernels_overlaps.Given()
     given.shape = launcher.alike(shape, wp.int32)
     given.factor, given.angle, given.length = numbers(footprints.factor), numbers(angle), numbers(length)

@@ -46,7 +46,8 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     if isinstance(domain, Surface):
         return _report_on_surface(placement, launcher)
     area = problem.areas_as_outlined(problem.shared_areas(), placement.variant, placement.scale)
-    has_lines = bool(placement.width.any())
+    lines = any(size.line is not None for c in problem.classes for size in c.sizes)
+    has_lines = lines and bool(placement.width.any())
     axes = (placement.angle, placement.length) if has_lines else ()
     bodies = measured_bodies(launcher, domain, placement.position, *axes)
     coverage = Coverage(bodies, area, class_index)
@@ -223,14 +224,17 @@ def _class_reports(
 
 def _bodies_by_class(class_index: np.ndarray, classes: int) -> list[slice]:
     """Bodies of every class, which come one class after the other."""
-    first = np.searchsorted(class_index, np.arange(classes + 1)).tolist()
+    if classes == 1 and class_index[-1:].sum() == 0:
+        return [slice(0, len(class_index))]
+    # Of another type NumPy would make a copy of the whole table.
+    first = np.searchsorted(class_index, np.arange(classes + 1, dtype=class_index.dtype)).tolist()
     return [slice(begin, end) for begin, end in pairwise(first)]
 
 
 def _placed(size_index: np.ndarray) -> list[int]:
     """How many bodies there are of every size, which come one size after the other."""
     last = int(size_index[-1]) if len(size_index) else -1
-    return np.diff(np.searchsorted(size_index, np.arange(last + 2))).tolist()
+    return np.diff(np.searchsorted(size_index, np.arange(last + 2, dtype=size_index.dtype))).tolist()
 
 
 def _of_spacing(spacing: Spacing | None) -> tuple[float | None, float | None]:

@@ -53,7 +53,7 @@ def placement_of(model: Model, state: State, launcher: Launcher) -> Placement:
         # As they were given, not as float32 holds them.
         position[model.fixed], angle[model.fixed] = fixed.position, fixed.angle
         length[model.fixed] = np.where(np.isnan(fixed.length), length[model.fixed], fixed.length)
-    bends = bends_of(model, _charge_positions(model, state, position)) if model.may_bend.any() else None
+    bends = bends_of(model, _charge_positions(model, state, position)) if model.bends_any else None
     has_ghosts = bool(body.flags.any()) and bool((body.flags & BodyFlags.GHOST).any())
     ghosts = (body.flags & BodyFlags.GHOST) != 0 if has_ghosts else body.flags
 

@@ -105,7 +105,7 @@ def _in_rows(launcher: Launcher, model: Model, pose: wp.array) -> wp.array:
 
 def _group_after_group(group: np.ndarray, count: int) -> np.ndarray:
     """All bodies in the order of their groups, int32; those of a group keep theirs."""
-    if (group[1:] >= group[:-1]).all():
+    if count == 1 or (group[1:] >= group[:-1]).all():
         return np.arange(len(group), dtype=np.int32)
     # NumPy sorts short integers by radix: of 1,000,000 bodies in a few milliseconds.
     return np.argsort(group.astype(np.int16) if count < 1 << 15 else group, kind="stable").astype(np.int32)

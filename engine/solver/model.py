@@ -213,6 +213,11 @@ class Model:
         return self.body.group[self.charge.body]
 
     @property
+    def bends_any(self) -> bool:
+        """Whether any body may bend."""
+        return any(kind.line.straightness is not None for kind in self.kinds)
+
+    @property
     def may_bend(self) -> np.ndarray:
         """Whether a body may bend, shape ``[n]``."""
         bends = np.array([kind.line.straightness is not None for kind in self.kinds] + [False])

@@ -326,7 +326,7 @@ class PlaneSeparation(Separation):
         turn[order[dots]] = crowd_pose[dots, 2]
         self._pose.assign(pose)
         self._turn.assign(turn)
-        if self._model.may_bend.any():
+        if self._model.bends_any:
             self._straighten()
 
     def _straighten(self) -> None:

@@ -41,10 +41,10 @@ def rare_starts(launcher: Launcher, problem: Problem) -> np.ndarray | None:
         problem: In a rectangle. Classes of lines, and those of which bodies are fixed, start as all others.
     """
     domain = Domain(problem.rectangle.size, problem.rectangle.boundary)
-    result = np.full((problem.body_count, 2), np.nan)
-    found = False
+    result = None
     for rare, own in rare_problems(problem, domain):
-        found = True
+        if result is None:
+            result = np.full((problem.body_count, 2), np.nan)
         model = Model(rare)
         descent = Descent(model, launcher, fewest_nodes=FEWEST_NODES)
         there = ~np.isnan(result[own, 0])
@@ -56,7 +56,7 @@ def rare_starts(launcher: Launcher, problem: Problem) -> np.ndarray | None:
         descent.step.play(STEPS)
         result[own] = position_in_meters(model, descent.state, launcher)
         launcher.release(descent.step)
-    return result if found else None
+    return result
 
 
 def rare_problems(

@@ -49,7 +49,7 @@ def order_of_groups(
     Returns:
         ``wp.int32``, shape ``[n]`` or longer.
     """
-    count = np.bincount(group, minlength=group_count)
+    count = np.bincount(group, minlength=group_count) if group_count > 1 else np.array([len(group)])
     rows = np.maximum(np.sqrt(count) / ROW_HEIGHT, 1.0).astype(np.int32)
     columns = np.maximum(count / (rows * ROW_HEIGHT * CELL_WIDTH), 1.0).astype(np.int32)
     begin = np.concatenate([[0], np.cumsum(rows.astype(np.int64) * columns)])

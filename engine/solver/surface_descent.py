@@ -188,7 +188,7 @@ class SurfaceDescent:
 
     def placement(self) -> Placement:
         """The bodies as they are; the report is empty."""
-        charges = self.charge_positions() if self.model.may_bend.any() else None
+        charges = self.charge_positions() if self.model.bends_any else None
         return placement_on_surface(self.model, self.launcher, self.facets, self.state, charges)
 
     def charge_positions(self) -> np.ndarray:

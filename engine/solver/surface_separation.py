@@ -268,7 +268,7 @@ class SurfaceSeparation(Separation):
         state.weight.assign(weight)
         state.axis.assign(axis)
         state.heading.assign(heading)
-        if self._model.may_bend.any():
+        if self._model.bends_any:
             self._straighten()
 
     def _straighten(self) -> None:
