@@ -20,6 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
+from ..device.extremes import extremes
 from ..device.launcher import Launcher
 from ..problem.of_bodies import is_same
 from ..space.mesh_layout import MeshLayout
@@ -139,8 +140,7 @@ class Blur:
             self.variance = launcher.empty(layout.node_count, float)
             bounds = (LOWEST * usual, min(WIDEST * usual, 0.5 * widest**2))
             self._follow_density(deposited, number, spacing, usual, bounds)
-            values = self.variance.numpy()
-            low, high = float(values.min()), float(values.max())
+            low, high = extremes(launcher, self.variance)
         # What is the same of all need not be gone through.
         each = charge[:1] if is_same(charge) else charge
         share = np.clip(each, LEAST_OF_SMALL, 1.0)

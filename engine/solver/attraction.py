@@ -36,7 +36,7 @@ def group_targets(model: Model) -> list[FieldTarget]:
     for g, c in enumerate(class_index):
         image = classes[c].density_image
         own = fixed & (model.body.group == g) if model.has_fixed else fixed
-        if not own.any():
+        if not model.has_fixed or not own.any():
             result.append(FieldTarget(image, charge[g], class_index=c))
             continue
         bodies = (model.body.group == g).sum()

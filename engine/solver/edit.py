@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import warp as wp
@@ -359,13 +360,21 @@ def _order(count: int) -> int:
 
 def _asked(model: Model, class_index: int, order: int) -> np.ndarray:
     """Share of a class's bodies that are to be placed in every cell, shape ``[rows, columns]``, row 0 at the bottom, sum 1."""
-    cells = 1 << order
-    share = box_integrals(model.problem.classes[class_index].density_image, (cells, cells))
-    left = vacancy(model, class_index, cells)
-    if left is not None and (share * left).any():
-        share = share * left
-        share /= share.sum()
-    return share
+    of_model = _asked_of.setdefault(model, {})
+    key = class_index, order
+    if key not in of_model:
+        cells = 1 << order
+        share = box_integrals(model.problem.classes[class_index].density_image, (cells, cells))
+        left = vacancy(model, class_index, cells)
+        if left is not None and (share * left).any():
+            share = share * left
+            share /= share.sum()
+        of_model[key] = share
+    return of_model[key]
+
+
+# Of a model that is edited to, the next edit asks again.
+_asked_of: WeakKeyDictionary[Model, dict[tuple[int, int], np.ndarray]] = WeakKeyDictionary()
 
 
 def _cells_of(position: np.ndarray, cells: int, problem: Problem) -> tuple[np.ndarray, np.ndarray]:

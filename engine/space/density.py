@@ -139,7 +139,8 @@ def _apply(bands: list[Band], image: np.ndarray) -> np.ndarray:
         first, weights = bands[axis]
         given = np.ascontiguousarray(np.moveaxis(image, axis, 0))
         rows = np.zeros((len(first), given.shape[1]))
-        for k in range(weights.shape[1]):
+        # Where every pixel has so many cells to itself, nothing reaches into a second one.
+        for k in np.flatnonzero(weights.any(axis=0)).tolist():
             rows += weights[:, k, None] * given[np.clip(first + k, 0, given.shape[0] - 1)]
         image = np.moveaxis(rows, 0, axis)
     return np.ascontiguousarray(image)
