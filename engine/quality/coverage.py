@@ -23,6 +23,8 @@ __all__ = ["Coverage", "coverage_error"]
 
 # A Gaussian has fallen to 1e-8 of its height here.
 REACH_OVER_SIGMA = 6.0
+# Cells whose squares an element adds up; on the CPU those of a row.
+CELLS_ON_GPU = 256
 # An image's density, and the charge that its integral stands for.
 Target = tuple[np.ndarray, float]
 
@@ -130,9 +132,11 @@ class Coverage:
             share = self._share_of(image)
             launcher.launch(kernels_coverage.add_shares, rows * columns, [share, factor], [difference])
         convolution.apply(influence, difference)
-        squares = launcher.empty(rows, wp.float64)
-        launcher.launch(kernels_coverage.sum_squares, rows, [difference, columns], [squares])
-        return math.sqrt(float(squares.numpy().sum()) / (rows * columns))
+        cells = rows * columns
+        block = CELLS_ON_GPU if launcher.device.is_cuda else columns
+        squares = launcher.empty(-(-cells // block), wp.float64)
+        launcher.launch(kernels_coverage.sum_squares, len(squares), [difference, cells, block], [squares])
+        return math.sqrt(float(squares.numpy().sum()) / cells)
 
     def _share_of(self, image: np.ndarray) -> wp.array:
         """Share of an image's integral in every cell; classes that share an image come one after the other, or all do."""

@@ -126,10 +126,11 @@ def sum_of_squares(grid: wp.array(dtype=float), begin: int, count: int) -> wp.fl
 def sum_squares(
     first: int,
     grid: wp.array(dtype=float),
-    columns: int,
+    cells: int,
+    block: int,
     # outputs
     squares: wp.array(dtype=wp.float64),
 ):
-    """Sum of the squares of every row."""
-    row = first + wp.tid()
-    squares[row] = sum_of_squares(grid, row * columns, columns)
+    """Sum of the squares of a block of the first so many cells."""
+    b = first + wp.tid()
+    squares[b] = sum_of_squares(grid, b * block, wp.min(block, cells - b * block))

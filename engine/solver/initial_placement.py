@@ -98,14 +98,15 @@ def _in_rows(launcher: Launcher, model: Model, pose: wp.array) -> wp.array:
         kinds += 1
     source = order_of_groups(launcher, pose, model.size, group, kinds)
     result = launcher.empty(model.body_count, wp.vec4)
-    bodies = launcher.array(_group_after_group(group, kinds), wp.int32)
+    # Those of a single group need not be listed.
+    bodies = launcher.array(_group_after_group(group, kinds) if kinds > 1 else np.zeros(0, np.int32), wp.int32)
     launcher.launch(kernels_start.take_poses, model.body_count, [pose, source, bodies], [result])
     return result
 
 
 def _group_after_group(group: np.ndarray, count: int) -> np.ndarray:
     """All bodies in the order of their groups, int32; those of a group keep theirs."""
-    if count == 1 or (group[1:] >= group[:-1]).all():
+    if (group[1:] >= group[:-1]).all():
         return np.arange(len(group), dtype=np.int32)
     # NumPy sorts short integers by radix: of 1,000,000 bodies in a few milliseconds.
     return np.argsort(group.astype(np.int16) if count < 1 << 15 else group, kind="stable").astype(np.int32)

@@ -164,6 +164,9 @@ def take_poses(
     # outputs
     taken: wp.array(dtype=wp.vec4),
 ):
-    """The k-th of the bodies gets the pose of the k-th of the sources."""
+    """The k-th of the bodies gets the pose of the k-th of the sources; without a list of bodies it is body k."""
     k = first + wp.tid()
-    taken[body[k]] = pose[source[k]]
+    to = k
+    if body.shape[0] > 0:
+        to = body[k]
+    taken[to] = pose[source[k]]
