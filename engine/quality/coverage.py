@@ -23,6 +23,8 @@ __all__ = ["Coverage", "coverage_error"]
 
 # A Gaussian has fallen to 1e-8 of its height here.
 REACH_OVER_SIGMA = 6.0
+# Elements of the largest transform whose blur is kept for the next run.
+MOST_KEPT = 1 << 20
 # Cells whose squares an element adds up; on the CPU those of a row.
 CELLS_ON_GPU = 256
 # An image's density, and the charge that its integral stands for.
@@ -112,11 +114,16 @@ class Coverage:
             )
             padded = (padded_rows, padded_columns)
         convolution = Convolution(launcher, shape, padded)
-        along_y, along_x = (
-            _gaussian_transform(n, s, wraps=domain.periodic) for n, s in zip(padded, sigma, strict=True)
-        )
-        influence = product_influence(convolution, along_y / (padded[0] * padded[1]), along_x)
 
+        def blur() -> wp.array:
+            along_y, along_x = (
+                _gaussian_transform(n, s, wraps=domain.periodic) for n, s in zip(padded, sigma, strict=True)
+            )
+            return product_influence(convolution, along_y / (padded[0] * padded[1]), along_x)
+
+        # Scenes of a batch are alike, and small.
+        key = ("coverage", shape, padded, *sigma, domain.periodic)
+        influence = launcher.kept(key, blur) if padded[0] * padded[1] <= MOST_KEPT else blur()
         difference = launcher.empty(shape[0] * shape[1], float)
         factor = self._unit * rows * columns / total
         launcher.launch(kernels_coverage.take_clouds, shape[0] * columns, [factor], [self._grid, difference])
