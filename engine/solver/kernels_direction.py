@@ -63,6 +63,9 @@ _ADD = f"""
         const int slot = i & (slots - 1);
     #endif
     long long* to = (long long*)sums.data + (size_t)thread * sums.shape[1] * slots + slot;
+    #if defined(__CUDA_ARCH__)
+    #pragma unroll
+    #endif
     for (int k = 0; k < {BROKEN}; ++k)
     {{
         // What is no number becomes the smallest one.
@@ -71,6 +74,7 @@ _ADD = f"""
         long long amount = (long long)(value * {SUM_SCALE}f);
     #if defined(__CUDA_ARCH__)
         if (whole)
+            #pragma unroll
             for (int apart = 16; apart > 0; apart /= 2) amount += __shfl_xor_sync(0xffffffffu, amount, apart);
         if (goes) atomicAdd((unsigned long long*)to + k * slots, (unsigned long long)amount);
     #else

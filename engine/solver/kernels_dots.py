@@ -172,22 +172,29 @@ def propose_dot(
     sums: wp.array3d(dtype=wp.int64),
 ):
     """The move that the force on a dot asks for, and what it changed by since the last step."""
-    if bodies.kind[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
-        return
+    # All of them at first: a GPU waits for memory once, and not for one after the other.
+    kind = bodies.kind[i]
+    flags = bodies.flags[i]
     charge = bodies.first_charge[i]
+    group = bodies.group[i]
+    before = motion.move[i]
+    last = motion.displacement[i]
     at = charges.position[charge]
-    force = along_border(charges.field[charge], at, space)
+    field = charges.field[charge]
+    amount = bodies.charge[charge]
+    if kind >= 0 or (flags & PINNED) != 0:
+        return
+    force = along_border(field, at, space)
     node = nearest_node(at, steps.mesh)
-    length = steps.length[first_step(bodies.group[i], steps) + node]
+    length = steps.length[first_step(group, steps) + node]
     limit = steps.limit[node]
     # Beyond a spacing no move is more than a direction.
     wanted = limited(force * length, 2.0 * limit)
     new = wp.vec4(wanted[0], wanted[1], 0.0, 0.0)
-    changed = motion.move[i] - new
-    last = motion.displacement[i]
+    changed = before - new
     motion.move[i] = new
     motion.change[i] = changed
-    weight = bodies.charge[charge] / length
+    weight = amount / length
     rest = squared_residual(wp.length_sq(wanted), wp.length_sq(last), limit, in_contact)
     add_products(sums, thread, i, wp.vec4(weight, weight, 0.0, 0.0), last, changed, new, rest)
 
