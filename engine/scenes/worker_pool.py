@@ -21,6 +21,8 @@ __all__ = ["WorkerPool"]
 ATTEMPTS = 3
 # How long a thread that has an answer waits at a time for somebody to take it [s].
 PATIENCE = 0.2
+# NumPy's linear algebra would start as many threads in every process as the machine has processors.
+OTHER_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 # For Linux: memory that a problem gives back stays with the process for the next one, up to 64 MB and in pieces of up to 32. To get it
 # from the system again takes a sixth of the time of 200 bodies.
 KEEPS_MEMORY = {"MALLOC_TRIM_THRESHOLD_": str(64 << 20), "MALLOC_MMAP_THRESHOLD_": str(32 << 20)}
@@ -183,12 +185,13 @@ class _Process:
             if sys.platform == "win32"
             else {"start_new_session": True}
         )
+        of_others = dict.fromkeys(OTHER_THREADS, str(threads))
         self._process = subprocess.Popen(
             [sys.executable, "-c", start],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
-            env={**KEEPS_MEMORY, **os.environ, "ESH_THREADS": str(threads), **environment},
+            env={**KEEPS_MEMORY, **of_others, **os.environ, "ESH_THREADS": str(threads), **environment},
             **apart,
         )
 

@@ -114,3 +114,16 @@ def test_processes_of_a_use_that_failed_do_not_stay(tmp_path):
     with warm_pools.warm_pool(2, 1) as (pool, is_warm):
         assert not is_warm and not pids(pool, tmp_path / "new") & gone
     warm_pools.close_warm_pools()
+
+
+def test_a_process_has_no_more_threads_than_it_is_given_and_keeps_its_memory(tmp_path, monkeypatch):
+    monkeypatch.setenv("MKL_NUM_THREADS", "3")
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    pool = WorkerPool(1, threads=2, keep=True)
+    names = ("ESH_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "MALLOC_TRIM_THRESHOLD_")
+    try:
+        (seen,) = asked_of_each(pool, 1, tmp_path / "asked", f"[os.environ.get(name) for name in {names}]")
+        # What somebody has set stays.
+        assert seen[:3] == ["2", "2", "3"] and int(seen[3]) > 1 << 20
+    finally:
+        pool.close()
