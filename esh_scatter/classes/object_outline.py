@@ -10,7 +10,7 @@ from ...engine.problem.validation import show
 from ...engine.surface.mesh_outline import Outline, outline_from_above
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ..targets.evaluated_mesh import evaluated_mesh
-from ..targets.target import check_exists, members_of, read_triangles, world_matrix
+from ..targets.target import check_exists, members_of, origin_of, read_triangles, with_shown, world_matrix
 from .shown_geometry import is_shown_as_it_is, realized, repeats_by
 
 __all__ = ["measure_footprint", "outline_of", "read_source"]
@@ -43,13 +43,13 @@ def measure_footprint(
 def read_source(item: bpy.types.Object | bpy.types.Collection, context: bpy.types.Context, key: str) -> TriangleMesh:
     """Read an object to place as it stands, with its rotation and scale; its origin is where it is in no matter what place.
 
-    Of a collection, all objects are read as one, at their places about its offset.
+    Of a collection, all objects are read as one, at their places about its offset, or about the object that the others hang on.
 
     Raises:
         ProblemError: It has no faces.
     """
     as_one = isinstance(item, bpy.types.Collection)
-    objects = list(item.all_objects) if as_one else [item]
+    objects = with_shown(item.all_objects if as_one else [item])
     for one in objects:
         by = repeats_by(one)
         if by is not None:
@@ -68,10 +68,10 @@ def read_source(item: bpy.types.Object | bpy.types.Collection, context: bpy.type
 
 
 def _read_as_one(collection: bpy.types.Collection, context: bpy.types.Context, key: str) -> TriangleMesh:
-    parts = []
+    parts, origin = [], origin_of(collection, context)
     for item in members_of(collection):
         matrix = world_matrix(item, context)
-        matrix[:3, 3] -= np.array(collection.instance_offset)
+        matrix[:3, 3] -= origin
         try:
             parts.append(_read(item, matrix, context, key))
         except ProblemError:  # a curve among meshes takes no ground

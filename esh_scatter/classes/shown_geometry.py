@@ -13,6 +13,7 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
+from ..targets.target import head_of, shown_collection
 from .node_tree import Socket, Tree
 
 __all__ = ["as_it_stands", "is_shown_as_it_is", "realized", "repeats_by", "source_instance"]
@@ -34,7 +35,7 @@ def repeats_by(item: bpy.types.Object) -> str | None:
 def is_shown_as_it_is(item: bpy.types.Object, context: bpy.types.Context) -> bool:
     """Tell whether instances of an object show its evaluated mesh, turned and scaled as its matrix says, and nothing else."""
     if item.type == "EMPTY":
-        return item.instance_collection is None
+        return shown_collection(item) is None
     if any(modifier.type == "NODES" for modifier in item.modifiers):
         return False
     evaluated = item.evaluated_get(context.evaluated_depsgraph_get())
@@ -82,10 +83,21 @@ def realized(
         bpy.data.node_groups.remove(tree.group)
 
 
-def source_instance(tree: Tree, source: bpy.types.Object | bpy.types.Collection | Socket) -> Socket:
+def source_instance(
+    tree: Tree,
+    source: bpy.types.Object | bpy.types.Collection | Socket,
+    *,
+    empty: bool = False,
+    head: bpy.types.Object | None = None,
+) -> Socket:
     """Add the nodes that give an object, or a collection as one, as an instance around its origin; see :func:`as_it_stands`.
 
-    ``source`` may be an input that gives it.
+    Args:
+        tree: Gets the nodes.
+        source: The object or the collection, or an input that gives it.
+        empty: Whether it is an empty that shows a collection: the instance is one of that collection. Instances of an empty that is
+            hidden show nothing.
+        head: Object of the collection that the others hang on, and whose origin stands on the points.
     """
     as_one = (
         source.type == "COLLECTION"
@@ -95,8 +107,28 @@ def source_instance(tree: Tree, source: bpy.types.Object | bpy.types.Collection 
     info = tree.add("GeometryNodeCollectionInfo" if as_one else "GeometryNodeObjectInfo")
     tree.link(source, info.inputs["Collection" if as_one else "Object"])
     if not as_one:
-        info.inputs["As Instance"].default_value = True
-    return info.outputs["Instances" if as_one else "Geometry"]
+        info.inputs["As Instance"].default_value = not empty
+    instance = info.outputs["Instances" if as_one else "Geometry"]
+    return instance if head is None else _around(tree, source, instance, head)
+
+
+def _around(tree: Tree, collection: bpy.types.Collection | Socket, instance: Socket, head: bpy.types.Object) -> Socket:
+    """Move the instance of a collection so that an object of it is at the origin, wherever that object and the offset are now."""
+    # Only in relation to an object does Blender tell a collection's offset.
+    own = tree.add("GeometryNodeCollectionInfo", transform_space="RELATIVE")
+    tree.link(collection, own.inputs["Collection"])
+    position = tree.call("GeometryNodeInputPosition")
+    place = tree.call(
+        "GeometryNodeSampleIndex", own.outputs["Instances"], position, data_type="FLOAT_VECTOR", domain="INSTANCE"
+    )
+    this, its = tree.add("GeometryNodeObjectInfo"), tree.add("GeometryNodeObjectInfo")
+    tree.link(tree.call("GeometryNodeSelfObject"), this.inputs["Object"])
+    tree.link(head, its.inputs["Object"])
+    offset = tree.call("FunctionNodeTransformPoint", place, this.outputs["Transform"])
+    move = tree.add("GeometryNodeTransform")
+    tree.link(instance, move.inputs["Geometry"])
+    tree.link(tree.vector("SUBTRACT", offset, its.outputs["Location"]), move.inputs["Translation"])
+    return move.outputs["Geometry"]
 
 
 def as_it_stands(tree: Tree, instance: Socket, shown: Socket) -> Socket:
@@ -115,7 +147,8 @@ def _build(tree: Tree, item: bpy.types.Object | bpy.types.Collection) -> None:
     for direction in ("INPUT", "OUTPUT"):
         tree.group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
     tree.begin()
-    instance = source_instance(tree, item)
+    empty = isinstance(item, bpy.types.Object) and shown_collection(item) is not None
+    instance = source_instance(tree, item, empty=empty, head=head_of(item))
     real = tree.add("GeometryNodeRealizeInstances")
     tree.link(as_it_stands(tree, instance, instance), real.inputs["Geometry"])
     tree.link(real.outputs["Geometry"], tree.add("NodeGroupOutput").inputs["Geometry"])

@@ -24,7 +24,7 @@ from ...engine.surface.chart import RESOLUTION
 from ...engine.surface.mesh_outline import Outline
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ..targets.references import Reference
-from ..targets.target import check_exists, is_result, members_of
+from ..targets.target import check_exists, is_result, members_of, with_shown
 from .object_outline import read_source
 from .scatter_class import ScatterSize
 from .survey import Survey
@@ -113,7 +113,7 @@ def _source_objects(
             raise ProblemError(f'`source` of {key} must have geometry; object "{source.name}" is of type {source.type}')
     else:
         raise ProblemError(f"`source` of {key} must be an object or a collection; got {show(source)}")
-    for member in members:
+    for member in with_shown(members):
         if member in targets:
             raise ProblemError(
                 f'`source` of {key} must not hold the target "{member.name}", which would stand on itself'

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ..properties.body_class import DERIVED_COUNTS
-from ..targets.target import read_triangles
+from ..targets.target import extent_of, members_of, read_triangles
 
 __all__ = ["area_of", "bodies_ahead", "question"]
 
@@ -64,8 +64,8 @@ def _footprint(body_class: Any) -> float:
         if size.area_kind != "MESH":
             areas.append(size.area if size.area_kind == "VALUE" else 0.5 * (size.area + size.area_largest))
             continue
-        items = [size.source] if isinstance(size.source, bpy.types.Object) else list(size.source.all_objects)
-        areas += [0.25 * math.pi * item.dimensions.x * item.dimensions.y for item in items]
+        items = [size.source] if size.placed_as_one else members_of(size.source)
+        areas += [0.25 * math.pi * float(extent_of(item, bpy.context)[:2].prod()) for item in items]
     return max(body_class.scale**2 * float(np.mean(areas)) if areas else 1.0, 1e-9)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import bpy
 
-from ..targets.target import FAMILY_OF, is_result, members_of
+from ..targets.target import FAMILY_OF, is_result, members_of, put_offset, shown_collection
 
 __all__ = ["as_placed", "heads_in"]
 
@@ -17,7 +17,7 @@ SCATTERED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 def heads_in(candidates: Iterable[bpy.types.Object], targets: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:
     """Return those of some objects that can be placed on targets, by name; what hangs on another of them is part of that one."""
     given = [item for item in candidates if item not in targets and not is_result(item)]
-    found = {item for item in given if item.type in SCATTERED_TYPES or _shown_collection(item) is not None}
+    found = {item for item in given if item.type in SCATTERED_TYPES or shown_collection(item) is not None}
     empties = [item for item in given if item.type == "EMPTY" and item not in found]
     # Imported models hang on them. To look for what does goes through the file.
     hanging = _hanging() if empties else {}
@@ -33,14 +33,8 @@ def as_placed(
     hanging, found = _hanging(), []
     for head in heads:
         family = _family(head, hanging, targets)
-        one = _collection_of(head, family) if family and family != [head] else _shown_collection(head)
-        found.append(one or head)
+        found.append(_collection_of(head, family) if family and family != [head] else head)
     return found
-
-
-def _shown_collection(item: bpy.types.Object) -> bpy.types.Collection | None:
-    """Return the collection that an empty shows, or None."""
-    return item.instance_collection if item.type == "EMPTY" and item.instance_type == "COLLECTION" else None
 
 
 def _ancestors(item: bpy.types.Object) -> Iterable[bpy.types.Object]:
@@ -85,5 +79,5 @@ def _collection_of(head: bpy.types.Object, family: Sequence[bpy.types.Object]) -
         found.objects.unlink(item)
     for item in set(family) - set(found.objects):
         found.objects.link(item)
-    found.instance_offset = head.matrix_world.translation
+    put_offset(found, bpy.context)
     return found

@@ -13,7 +13,7 @@ from ...engine.errors import EshError, ProblemError
 from ...engine.problem.validation import show
 from ..classes.stand_ins import stand_in
 from ..densities.density_curve import curve_node
-from ..targets.target import members_of
+from ..targets.target import extent_of, members_of
 from . import forecast
 from .amount_ahead import area_of
 from .families import as_placed, heads_in
@@ -265,7 +265,9 @@ def preset_of(scatter: Any) -> dict[str, Any]:
 
 def _proportions(body_class: Any) -> list[float]:
     source = body_class.sizes[0].source_object if body_class.sizes else None
-    extent = [round(value, 3) for value in source.dimensions] if source is not None else [1.0, 1.0, 1.0]
+    extent = (
+        [1.0, 1.0, 1.0] if source is None else [round(value, 3) for value in extent_of(source, bpy.context).tolist()]
+    )
     return [max(value, 1e-3) for value in extent]
 
 

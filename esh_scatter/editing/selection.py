@@ -15,6 +15,7 @@ from ...engine.problem.scatter_settings import TargetSettings
 from ..classes.object_outline import outline_of, read_source
 from ..classes.survey import Survey
 from ..targets.references import Reference
+from ..targets.target import shown_collection
 from ..targets.targets import check_targets, read_targets
 
 if TYPE_CHECKING:
@@ -145,8 +146,9 @@ def _read(
 
 
 def _height(item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh) -> float:
-    """Return how high something is [m]: an object as it lies in its own axes, a collection as it stands."""
-    return float(item.dimensions.z if isinstance(item, bpy.types.Object) else np.ptp(mesh.position[:, 2]))
+    """Return how high something is [m]: an object as it lies in its own axes, what is shown together as it stands."""
+    as_one = isinstance(item, bpy.types.Collection) or shown_collection(item) is not None
+    return float(np.ptp(mesh.position[:, 2]) if as_one else item.dimensions.z)
 
 
 def _stand_on(mesh: TriangleMesh) -> str:

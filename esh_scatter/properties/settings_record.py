@@ -312,18 +312,18 @@ def _values(group: Any, names: dict[str, str], key: str, more: Sequence[str] = (
         value = getattr(group, name)
         if isinstance(value, bpy.types.ID):
             names[f"{key}.{name}"] = value.name
-            value = _contents(value)
+            value = _contents(value, as_one=getattr(group, "placed_as_one", False))
         elif isinstance(value, bpy.types.bpy_prop_array):
             value = list(value)
         values[name] = value
     return values
 
 
-def _contents(item: bpy.types.ID) -> int:
+def _contents(item: bpy.types.ID, *, as_one: bool = False) -> int:
     if isinstance(item, bpy.types.Image):
         return checksums.of_image(item)
     if isinstance(item, bpy.types.Object | bpy.types.Collection):
-        return checksums.of_members(members_of(item))
+        return checksums.of_collection(item) if as_one else checksums.of_members(members_of(item))
     return 0
 
 

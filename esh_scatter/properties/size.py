@@ -167,6 +167,11 @@ class ESH_PG_size(PropertyGroup):
         """The object or collection to place, or None while none is chosen."""
         return self.source_object if self.source_kind == "OBJECT" else self.source_collection
 
+    @property
+    def placed_as_one(self) -> bool:
+        """Whether all of a collection is placed on every point."""
+        return self.source_kind == "ASSET"
+
     def place(self, item: bpy.types.Object | bpy.types.Collection) -> None:
         """Place an object from now on, or a collection as one."""
         if isinstance(item, bpy.types.Collection):
@@ -228,7 +233,7 @@ class ESH_PG_size(PropertyGroup):
             area=area,
             share=share,
             line=line,
-            as_one=self.source_kind == "ASSET",
+            as_one=self.placed_as_one,
             weights=self.weights or None,
             **spread,
         )

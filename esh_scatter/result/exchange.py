@@ -8,7 +8,6 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Vector
 
 from ...engine.errors import EshError, ProblemError
 from ...engine.files.bodies import Bodies, Prototype
@@ -17,7 +16,7 @@ from ...engine.files.placement_files import check_ending, check_writable, write_
 from ...engine.files.placement_reader import load_placement
 from ...engine.files.quaternions import multiply_xyzw, wxyz_of_axes
 from ...engine.problem.validation import as_path, show
-from ..targets.target import RESULT_TAG, check_exists
+from ..targets.target import RESULT_TAG, check_exists, extent_of, put_offset
 from .display import shown_objects
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
 from .result import CLASS_NAMES, write_result
@@ -224,11 +223,7 @@ def _names(given: Sequence[str], least: int, otherwise: str) -> tuple[str, ...]:
 
 def _prototype(source: bpy.types.Object | bpy.types.Collection) -> Prototype:
     """Return what stands for an object, or a collection as one: a box as large as it is, around its origin."""
-    if isinstance(source, bpy.types.Object):
-        size = np.array(source.dimensions)
-    else:
-        corners = [item.matrix_world @ Vector(corner) for item in source.all_objects for corner in item.bound_box]
-        size = np.ptp(np.array(corners), axis=0)
+    size = extent_of(source, bpy.context)
     x, y = 0.5 * np.maximum(size[:2], 1e-3)
     return Prototype(source.name, np.array([(-x, -y), (x, -y), (x, y), (-x, y)]), max(float(size[2]), 1e-3))
 
@@ -249,6 +244,7 @@ def _with_objects(
 def _at_origin(source: bpy.types.Object | bpy.types.Collection) -> bpy.types.Object:
     """Return an object as ``source`` is instanced: with its own rotation and scale, at the origin, with its modifiers."""
     if isinstance(source, bpy.types.Collection):
+        put_offset(source, bpy.context)
         copy = bpy.data.objects.new(source.name, None)
         copy.instance_type, copy.instance_collection = "COLLECTION", source
         return copy

@@ -15,7 +15,7 @@ from ..classes.scatter_class import ScatterSize
 from ..classes.sources import SizeShape, SourceReader, lowest_points, measure_size, variants_of
 from ..classes.survey import Survey
 from .kept_ground import LOWEST_POINTS, PINNED, SEED, read_attribute, write_attribute
-from .node_group import INSTANCE_INDEX, placing_inputs
+from .node_group import FAMILY, INSTANCE_INDEX, kind_of, placing_inputs
 
 __all__ = ["VARIANTS", "choose_anew", "lowest_told", "place_others", "variants_told"]
 
@@ -86,6 +86,11 @@ def _kept(result: bpy.types.Object, size: tuple[int, int]) -> dict[str, Any] | N
     return found
 
 
+def _same_kind(before: bpy.types.ID | None, now: bpy.types.ID) -> bool:
+    """Tell whether a result that places one thing can place another one just so."""
+    return now == before or (before is not None and kind_of(now) == kind_of(before) != FAMILY)
+
+
 def choose_anew(
     result: bpy.types.Object, size: tuple[int, int], items: Sequence[bpy.types.Object], weights: Sequence[float]
 ) -> bool:
@@ -147,7 +152,7 @@ def place_others(
         # The next run says it.
         return False
     changed = [inputs[number] for number in kept["objects"]]
-    fitting = all(isinstance(now, type(socket.default_value)) for now, socket in zip(placed, changed, strict=False))
+    fitting = all(_same_kind(socket.default_value, now) for now, socket in zip(placed, changed, strict=False))
     if len(placed) != len(changed) or not fitting or not _same_ground(kept, _ground_of(shape)):
         return False
     for socket, item in zip(changed, placed, strict=True):

@@ -6,13 +6,14 @@ Its inputs stand in the modifier panel. How much is shown counts in the viewport
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import bpy
 
 from ..classes.node_tree import Socket, Tree, parts_of
 from ..classes.shown_geometry import as_it_stands, source_instance
-from ..targets.target import RESULT_TAG
+from ..targets.target import RESULT_TAG, head_of, shown_collection
 
 __all__ = [
     "ALIGN",
@@ -20,6 +21,7 @@ __all__ = [
     "DISPLAYS",
     "EDGE",
     "FACE_NORMAL",
+    "FAMILY",
     "GROUND_POINT",
     "HIDE_RENDER",
     "HIDE_VIEWPORT",
@@ -34,6 +36,7 @@ __all__ = [
     "Followed",
     "build_node_group",
     "followed_targets",
+    "kind_of",
     "made_of",
     "placed_objects",
     "placing_inputs",
@@ -54,6 +57,8 @@ GROUND_POINT, EDGE, FACE_NORMAL, ALIGN = "ground_point", "ground_edge", "ground_
 
 # What is drawn of every object, in the order of the menu.
 DISPLAYS = ("Objects", "Bounds", "Points")
+# Parts that place something, by what it is.
+_OBJECT, _EMPTY, _COLLECTION, FAMILY = "Place Object", "Place Empty", "Place Collection", "Place Family"
 # Radius of points, as a share of the objects' scale [m].
 POINT_RADIUS = 0.1
 UP = (0.0, 0.0, 1.0)
@@ -165,8 +170,9 @@ def build_node_group(
     tree.column(6)
     placed = {"points": points, "index": index, "rotation": rotation, "scale": scale, "as_bounds": as_bounds}
     for number, source in enumerate(sources):
-        kind = "Place Collection" if isinstance(source, bpy.types.Collection) else "Place Object"
-        (shown,) = tree.part(kind, _instances, **placed, number=number, source=source)
+        kind = kind_of(source)
+        build = partial(_instances, empty=kind == _EMPTY, head=head_of(source))
+        (shown,) = tree.part(kind, build, own=kind == FAMILY, **placed, number=number, source=source)
         tree.link(shown, join.inputs["Geometry"])
     tree.column(7)
     dots = tree.add("GeometryNodeMeshToPoints")
@@ -390,10 +396,17 @@ def _display(tree: Tree, limited: Socket) -> Socket:
     return tree.switch("INT", limited, 0, menu.outputs[0])
 
 
-def _instances(tree: Tree) -> list[Socket]:
+def kind_of(source: bpy.types.Object | bpy.types.Collection) -> str:
+    """Return what the part of a group is called that places something; all of a kind are placed alike, but for families."""
+    if isinstance(source, bpy.types.Collection):
+        return _COLLECTION if head_of(source) is None else FAMILY
+    return _OBJECT if shown_collection(source) is None else _EMPTY
+
+
+def _instances(tree: Tree, *, empty: bool, head: bpy.types.Object | None) -> list[Socket]:
     """Return the instances of one object, or of a collection as one, or of their bounds, on those points that are its own."""
     inputs = tree.inputs
-    geometry = source_instance(tree, inputs["source"])
+    geometry = source_instance(tree, inputs["source"], empty=empty, head=head)
     tree.column(2)
     bounds = tree.call("GeometryNodeBoundBox", geometry)
     boxed = tree.call("GeometryNodeGeometryToInstance", bounds)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...engine.problem.fixed_bodies import FixedBodies
 from ...engine.problem.unit_vectors import unit_vectors
-from ..targets.target import members_of, world_matrix
+from ..targets.target import extent_of
 from .display import shown_objects
 from .kept_ground import (
     BODY_ANGLE,
@@ -278,21 +278,11 @@ def balls_of(result: bpy.types.Object, points: np.ndarray) -> np.ndarray:
     """Return middles, seen from a result, and radii of about what stands on points [m], shape ``[n, 4]``."""
     mesh = result.data
     position = moved_with(result, body_places(mesh), bpy.context).position[points]
-    half = [_half_width(item) for item in shown_objects(result)]
+    shown = shown_objects(result)
+    half = [0.0 if item is None else 0.5 * float(extent_of(item, bpy.context)[:2].max()) for item in shown]
     index = read_attribute(mesh, INSTANCE_INDEX)[points]
     radius = np.array([half[number] if number < len(half) else 0.0 for number in index.tolist()])
     return np.column_stack([position, np.maximum(radius * read_attribute(mesh, SCALE)[points, 0], SMALLEST_DISC)])
-
-
-def _half_width(item: bpy.types.Object | bpy.types.Collection | None) -> float:
-    """Return half of the longer side that an object covers seen from above, or a collection as one [m]."""
-    if isinstance(item, bpy.types.Object):
-        return 0.5 * max(item.dimensions.x, item.dimensions.y)
-    corners = [
-        (world_matrix(one, bpy.context) @ np.column_stack([np.array(one.bound_box), np.ones(8)]).T)[:2]
-        for one in members_of(item)
-    ]
-    return 0.5 * float(np.ptp(np.concatenate(corners, axis=1), axis=1).max()) if corners else 0.0
 
 
 def remove(mesh: bpy.types.Mesh, points: np.ndarray) -> None:

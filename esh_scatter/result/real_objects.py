@@ -12,9 +12,9 @@ import numpy as np
 from mathutils import Matrix, Quaternion
 
 from ...engine.errors import ProblemError
-from ..targets.target import world_matrix
+from ..targets.target import put_offset, world_matrix
 from . import pins
-from .display import get_inputs, our_modifier, set_inputs
+from .display import get_inputs, our_modifier, set_inputs, shown_objects
 from .kept_ground import (
     BODY_ANGLE,
     FIT,
@@ -86,6 +86,9 @@ def make_real(context: bpy.types.Context, result: bpy.types.Object, class_names:
     Raises:
         ProblemError: It shows no instances.
     """
+    for source in shown_objects(result):
+        if isinstance(source, bpy.types.Collection):
+            put_offset(source, context)
     shown = _read(context, result)
     if not len(shown.identity):
         raise ProblemError(f'"{result.name}" must show instances to make real; it shows none')

@@ -16,13 +16,14 @@ import bpy
 import numpy as np
 
 from .evaluated_mesh import evaluated_mesh
-from .target import world_matrix
+from .target import members_of, origin_of, shown_collection, world_matrix
 
 __all__ = [
     "at_most",
     "is_old",
     "now",
     "of_attribute",
+    "of_collection",
     "of_image",
     "of_members",
     "of_object",
@@ -124,6 +125,14 @@ def of_members(members: Sequence[bpy.types.Object]) -> int:
     return zlib.crc32(np.array([of_object(item) for item in members], np.uint32).tobytes())
 
 
+def of_collection(collection: bpy.types.Collection) -> int:
+    """Return the number of a collection that is placed as one: its objects, and where these are about its origin."""
+    origin = origin_of(collection, bpy.context)
+    members = members_of(collection)
+    places = [world_matrix(item, bpy.context)[:3, 3] - origin for item in members]
+    return zlib.crc32((np.round(np.array(places), DECIMALS) + 0.0).tobytes(), of_members(members))
+
+
 def of_weights(item: bpy.types.Object, name: str) -> int:
     """Return the number of a vertex group's weights; of a large mesh, those of every so many vertices."""
     return _worked_out(("weights", item.session_uid, name), lambda: _weights_number(item, name))
@@ -219,7 +228,8 @@ def _evaluated_bytes(item: bpy.types.Object) -> bytes:
 
 def _object_number(item: bpy.types.Object) -> int:
     turned = np.round(world_matrix(item, bpy.context)[:3, :3], DECIMALS) + 0.0
-    return zlib.crc32(turned.tobytes(), _shape_number(item))
+    shown = shown_collection(item)
+    return zlib.crc32(turned.tobytes(), _shape_number(item) if shown is None else of_collection(shown))
 
 
 def _weights_number(item: bpy.types.Object, name: str) -> int:

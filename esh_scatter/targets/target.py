@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import bpy
 import numpy as np
 from mathutils import Matrix
@@ -17,10 +19,16 @@ __all__ = [
     "RESULT_TARGET",
     "check_exists",
     "check_target",
+    "extent_of",
+    "head_of",
     "is_result",
     "members_of",
+    "origin_of",
+    "put_offset",
     "read_target",
     "read_triangles",
+    "shown_collection",
+    "with_shown",
     "world_matrix",
 ]
 
@@ -46,7 +54,73 @@ def members_of(source: bpy.types.Object | bpy.types.Collection | None) -> list[b
     if source is None:
         return []
     items = source.all_objects if isinstance(source, bpy.types.Collection) else [source]
-    return sorted((item for item in items if item.type in _INSTANCED_TYPES), key=lambda item: item.name_full)
+    return sorted((item for item in items if _can_be_instanced(item)), key=lambda item: item.name_full)
+
+
+def head_of(item: bpy.types.Object | bpy.types.Collection) -> bpy.types.Object | None:
+    """Return the object that a collection holds with all that hangs on it, or None where it is anything else."""
+    head = item.get(FAMILY_OF) if isinstance(item, bpy.types.Collection) else None
+    return head if isinstance(head, bpy.types.Object) else None
+
+
+def origin_of(collection: bpy.types.Collection, context: bpy.types.Context) -> np.ndarray:
+    """Return what of a collection as one stands on the points, in the world [m], shape ``[3]``: where its offset is, or its head."""
+    head = head_of(collection)
+    return np.array(collection.instance_offset) if head is None else world_matrix(head, context)[:3, 3]
+
+
+def put_offset(collection: bpy.types.Collection, context: bpy.types.Context) -> None:
+    """Have a collection's offset where its origin is, which moves with the object that the others hang on."""
+    if head_of(collection) is not None and collection.is_editable:
+        collection.instance_offset = origin_of(collection, context)
+
+
+def extent_of(item: bpy.types.Object | bpy.types.Collection, context: bpy.types.Context) -> np.ndarray:
+    """Return how long, wide and high an object is along its own axes [m], shape ``[3]``; what is shown together, as it stands."""
+    if isinstance(item, bpy.types.Object) and shown_collection(item) is None:
+        return np.array(item.dimensions)
+    corners = _corners(item, np.eye(4), context)
+    return np.ptp(corners, axis=0) if len(corners) else np.zeros(3)
+
+
+def _corners(
+    item: bpy.types.Object | bpy.types.Collection, matrix: np.ndarray, context: bpy.types.Context
+) -> np.ndarray:
+    """Return the corners of the boxes around all that an object or a collection shows, moved by a matrix, shape ``[n, 3]``."""
+    together: bpy.types.Collection | None
+    if isinstance(item, bpy.types.Collection):
+        together = item
+    else:
+        together, matrix = shown_collection(item), matrix @ world_matrix(item, context)
+    if together is None:
+        return np.array(item.bound_box) @ matrix[:3, :3].T + matrix[:3, 3]
+    offset = np.eye(4)
+    offset[:3, 3] = -np.array(together.instance_offset)
+    parts = [_corners(one, matrix @ offset, context) for one in members_of(together)]
+    return np.concatenate(parts) if parts else np.empty((0, 3))
+
+
+def _can_be_instanced(item: bpy.types.Object) -> bool:
+    """Tell whether an object has something to instance: a geometry, or as an empty the collection that it shows."""
+    return any(one.type in _INSTANCED_TYPES for one in with_shown([item]))
+
+
+def with_shown(items: Iterable[bpy.types.Object]) -> list[bpy.types.Object]:
+    """Return objects, and those that empties among them show, each once; empties may show others that show others."""
+    found: dict[bpy.types.Object, None] = {}
+    waiting = list(items)
+    while waiting:
+        item = waiting.pop()
+        collection = shown_collection(item)
+        if item not in found and collection is not None:
+            waiting += collection.all_objects
+        found[item] = None
+    return list(found)
+
+
+def shown_collection(item: bpy.types.Object) -> bpy.types.Collection | None:
+    """Return the collection that an empty shows, or None."""
+    return item.instance_collection if item.type == "EMPTY" and item.instance_type == "COLLECTION" else None
 
 
 def check_exists(item: bpy.types.ID, key: str) -> None:

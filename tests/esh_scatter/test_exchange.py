@@ -63,9 +63,9 @@ def result():
 
 
 def instances() -> np.ndarray:
-    """Matrices of all instances as Blender shows them, in the order of their places."""
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    found = [np.array(entry.matrix_world) for entry in depsgraph.object_instances if entry.is_instance]
+    """Matrices of all instances of meshes as Blender shows them, in the order of their places."""
+    shown = bpy.context.evaluated_depsgraph_get().object_instances
+    found = [np.array(one.matrix_world) for one in shown if one.is_instance and one.object.type == "MESH"]
     return in_order(np.array(found))
 
 
@@ -155,6 +155,53 @@ def test_a_collection_as_one_leaves_with_its_objects_in_their_places(tmp_path):
     bpy.ops.import_scene.gltf(filepath=str(tmp_path / "wood.glb"))
     meshes = [item for item in bpy.data.objects if item.type == "MESH"]
     assert len(meshes) == 40
+    np.testing.assert_allclose(in_order(np.array([item.matrix_world for item in meshes])), shown, atol=1e-4)
+
+
+def test_what_an_empty_shows_leaves_as_the_empty_stands(tmp_path):
+    """Also what is shown by another empty."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.mesh.primitive_plane_add(size=40)
+    ground = bpy.context.object
+
+    def shown_by(name, *items):
+        made = bpy.data.objects.new(name, None)
+        made.instance_type, made.instance_collection = "COLLECTION", bpy.data.collections.new(name)
+        made.instance_collection.instance_offset = (50.0, 50.0, 0.0)
+        for item in items:
+            for holder in item.users_collection:
+                holder.objects.unlink(item)
+            made.instance_collection.objects.link(item)
+        bpy.context.scene.collection.objects.link(made)
+        return made
+
+    bpy.ops.mesh.primitive_cube_add(size=0.5, location=(50.0, 50.5, 1.0))
+    stone = bpy.context.object
+    stone.name = stone.data.name = "Stone"
+    inner = shown_by("Inner", stone)
+    inner.location, inner.scale, inner.rotation_euler = (51.0, 50.0, 0.0), (1.0, 2.0, 1.0), (0.0, 0.0, 0.5)
+    outer = shown_by("Outer", inner)
+    outer.location, outer.scale, outer.rotation_euler = (9.0, 9.0, 9.0), (1.5, 1.5, 1.5), (0.3, 0.0, 1.0)
+    bpy.context.view_layer.update()
+    outer.hide_viewport = True
+    result = esh.scatter(ground, [ScatterClass("all", [ScatterSize("one", 12, outer)])], device="cpu", max_steps=5)
+    bpy.context.view_layer.update()
+    shown, before = instances(), set(bpy.data.objects)
+    for name in ("stones.glb", "stones.usda"):
+        esh.export_result(tmp_path / name, result.object)
+    assert set(bpy.data.objects) == before
+    outline = esh.load_placement(tmp_path / "stones.usda").prototypes[0].outline
+    assert np.ptp(outline, axis=0).min() > 0.7, "the box around what it shows"
+    own = np.array(outer.matrix_world.to_3x3()) @ np.array(inner.matrix_world.to_3x3())
+
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.wm.usd_import(filepath=str(tmp_path / "stones_objects" / "1_Outer.usdc"))
+    (found,) = [item for item in bpy.data.objects if item.type == "MESH"]
+    np.testing.assert_allclose(np.array(found.matrix_world.to_3x3()), own, atol=1e-4)
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.import_scene.gltf(filepath=str(tmp_path / "stones.glb"))
+    meshes = [item for item in bpy.data.objects if item.type == "MESH"]
+    assert len(meshes) == 12
     np.testing.assert_allclose(in_order(np.array([item.matrix_world for item in meshes])), shown, atol=1e-4)
 
 

@@ -6,6 +6,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter.editing import families  # noqa: E402
+from mathutils import Matrix  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("empty_file")
 
@@ -40,11 +41,15 @@ def select(*items, active):
     bpy.context.view_layer.objects.active = active
 
 
-def instanced():
-    """Names of what is shown as instances, and where, shape ``[n, 3]``."""
-    shown = bpy.context.evaluated_depsgraph_get().object_instances
-    found = [(one.object.name, one.matrix_world.translation[:]) for one in shown if one.is_instance]
-    return [name for name, _ in found], np.array([place for _, place in found])
+def instanced(by=None):
+    """Names of what results show as instances, and where, shape ``[n, 3]``; or what some objects show."""
+    names, places = [], []
+    for one in bpy.context.evaluated_depsgraph_get().object_instances:
+        showing = one.parent.original if one.is_instance else None
+        if showing is not None and (showing in by if by else showing.get("esh_scatter")):
+            names.append(one.object.name)
+            places.append(one.matrix_world.translation[:])
+    return names, np.array(places)
 
 
 @pytest.mark.parametrize("picked", ["both", "trunk"])
@@ -90,16 +95,95 @@ def test_leaves_alone_are_placed_alone_and_what_hangs_on_the_ground_is_no_part_o
     assert families.as_placed(families.heads_in([leaves, stone, ground], [ground]), [ground]) == [leaves, stone]
 
 
-def test_what_an_empty_shows_is_placed_as_one(ground):
+def test_what_an_empty_shows_is_placed_as_one_as_the_empty_stands(ground):
     shown = bpy.data.collections.new("Bush")
-    part = box("Twig", 0.5)
-    bpy.context.collection.objects.unlink(part)
-    shown.objects.link(part)
-    select(empty("Instance", shown), ground, active=ground)
+    for name, height in (("Twig", 0.0), ("Leaf", 2.0)):
+        part = box(name, 0.5, (0.0, 0.0, height))
+        bpy.context.collection.objects.unlink(part)
+        shown.objects.link(part)
+    instance = empty("Instance", shown)
+    instance.scale = (1.0, 1.0, 1.5)
+    select(instance, ground, active=ground)
     assert bpy.ops.esh.scatter_selection(most=10) == {"FINISHED"}
     scatter = bpy.context.scene.esh_scatter.active
-    assert (scatter.classes[0].name, scatter.classes[0].sizes[0].source_collection) == ("Bush", shown)
-    assert instanced()[0].count("Twig") >= 10
+    (body_class,) = scatter.classes
+    assert (body_class.name, body_class.sizes[0].source_object) == ("Instance", instance)
+    assert body_class.align_to_normal == 0.0, "it is higher than wide"
+    assert instanced()[0].count("Twig") == instanced()[0].count("Leaf") == 10 and not scatter.changes()
+
+    def heights():
+        names, place = instanced()
+        return sorted(set(place[np.array(names) == "Leaf"][:, 2].round(4)))
+
+    assert heights() == [3.0]
+    instance.scale.z = 2.0
+    bpy.context.view_layer.update()
+    assert heights() == [4.0] and scatter.changes() == ["Instance edited"]
+    bpy.ops.esh.scatter()
+    part.location.z = 1.0
+    bpy.context.view_layer.update()
+    assert scatter.changes() == ["Instance edited"], "what it shows was changed"
+    bpy.ops.esh.scatter()
+    instance.location.x += 5.0
+    bpy.context.view_layer.update()
+    assert not scatter.changes(), "where it stands is of no matter"
+    select(instance, active=instance)
+    bpy.ops.object.delete()
+    assert scatter.left_out() == ['Instance is left out: "Instance" was deleted; choose another object to place']
+
+
+def test_where_a_tree_stands_is_of_no_matter_but_how_it_stands_is(ground):
+    """All trees of the scatter went along when the one that is placed was moved aside."""
+    trunk = box("Trunk", 0.4, (-40.0, 0.0, 0.0))
+    leaves = box("Leaves", 1.0, (-40.0, 0.0, 2.0), trunk)
+    select(trunk, ground, active=ground)
+    bpy.ops.esh.scatter_selection(most=10)
+    scatter = bpy.context.scene.esh_scatter.active
+    scatter.result.matrix_world = scatter.result.matrix_world @ Matrix.Rotation(0.4, 4, "Z")
+    bpy.context.view_layer.update()
+    names, before = instanced()
+    trunk.location = (-50.0, 7.0, 3.0)
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(instanced()[1], before, atol=1e-4)
+    assert not scatter.changes()
+    bpy.ops.esh.instances_make_real()
+    real = [item for item in bpy.data.objects if item.type == "EMPTY"]
+    real_names, place = instanced(by=real)
+    trunks, before = place[np.array(real_names) == "Trunk"], before[np.array(names) == "Trunk"]
+    own = np.array([item.matrix_world.translation[:] for item in real])
+    assert np.linalg.norm(own[:, None] - trunks[None], axis=-1).min(axis=1).max() < 1e-4, "each is where its tree is"
+    assert np.linalg.norm(before[:, None] - trunks[None], axis=-1).min(axis=1).max() < 1e-4, "and where it was"
+    bpy.ops.esh.instances_from_real()
+    leaves.location.x += 1.0
+    bpy.context.view_layer.update()
+    assert scatter.changes() == ["Trunk edited"], "the tree has another shape"
+
+
+def test_a_part_that_is_moved_in_a_collection_as_one_is_an_edit(ground):
+    both = bpy.data.collections.new("Both")
+    for name, x in (("Left", 50.0), ("Right", 52.0)):
+        item = box(name, 0.5, (x, 0.0, 0.0))
+        bpy.context.collection.objects.unlink(item)
+        both.objects.link(item)
+    both.instance_offset = (51.0, 0.0, 0.0)
+    scatter = bpy.context.scene.esh_scatter.add_scatter(ground)
+    size = scatter.add_class().sizes[0]
+    size.source_kind, size.source_collection, size.count = "ASSET", both, 5
+    bpy.ops.esh.scatter()
+    for item in both.objects:
+        item.location.x += 3.0
+    both.instance_offset.x += 3.0
+    bpy.context.view_layer.update()
+    assert not scatter.changes(), "all of it went"
+    both.objects["Left"].location.x -= 1.0
+    bpy.context.view_layer.update()
+    assert scatter.changes() == ["Both edited"]
+    # Of a collection of variants, each stands on points of its own.
+    size.source_kind = "COLLECTION"
+    bpy.ops.esh.scatter()
+    both.objects["Left"].location.x -= 1.0
+    bpy.context.view_layer.update()
+    assert not scatter.changes()
 
 
 def test_an_empty_is_placed_only_with_what_hangs_on_it(ground):

@@ -280,20 +280,57 @@ def leafy() -> bpy.types.Object:
 
 def as_one() -> bpy.types.Collection:
     """A plank, and an empty that shows another collection."""
-    inner = collection(rectangle("Inner", 0.5, 2.0))
-    empty = bpy.data.objects.new("Empty", None)
-    empty.instance_type, empty.instance_collection = "COLLECTION", inner
+    empty = shown_by("Empty", rectangle("Inner", 0.5, 2.0))
     empty.location.x = 1.5
-    bpy.context.collection.objects.link(empty)
     return collection(rectangle("Plank", 1.0, 0.4), empty)
+
+
+def shown_by(name: str, *items: bpy.types.Object) -> bpy.types.Object:
+    """An empty that shows objects, which are in no scene themselves."""
+    empty = bpy.data.objects.new(name, None)
+    empty.instance_type, empty.instance_collection = "COLLECTION", collection(*items)
+    empty.instance_collection.instance_offset = (0.2, -0.1, 0.0)
+    bpy.context.collection.objects.link(empty)
+    for item in items:
+        bpy.context.collection.objects.unlink(item)
+    return empty
+
+
+def shown_turned() -> bpy.types.Object:
+    item = rectangle("Box", 0.8, 0.3)
+    item.location, item.rotation_euler.z = (0.4, 0.1, 0.3), 0.4
+    empty = shown_by("Turned", item)
+    empty.location, empty.rotation_euler, empty.scale = (30.0, 5.0, 2.0), (0.2, 0.0, 0.7), (2.0, 2.0, 2.0)
+    return empty
+
+
+def shown_twice() -> bpy.types.Object:
+    """An empty, mirrored and stretched, that shows another one beside a plank."""
+    inner = shown_turned()
+    inner.location = (1.0, 0.0, 0.0)
+    empty = shown_by("Outer", inner, rectangle("Plank", 0.3, 3.0))
+    empty.scale, empty.rotation_euler.z = (1.0, -1.5, 0.8), 1.0
+    return empty
+
+
+def shown_sheared() -> bpy.types.Object:
+    """On an object that is stretched across."""
+    item = shown_turned()
+    item.parent = rectangle("Parent", 1.0, 1.0)
+    item.parent.scale = (3.0, 1.0, 1.0)
+    return item
+
+
+EMPTIES = (shown_turned, shown_twice, shown_sheared)
 
 
 @pytest.mark.parametrize(
     "make",
     [
-        *(arrayed, with_key, constrained, sheared, leafy, as_one),
-        *(lambda make=make: excluded(make()) for make in (arrayed, with_key, constrained, sheared, leafy)),
-        lambda: hidden(arrayed()),
+        *(arrayed, with_key, constrained, sheared, leafy, as_one, *EMPTIES),
+        *(lambda make=make: excluded(make()) for make in (arrayed, with_key, constrained, sheared, leafy, *EMPTIES)),
+        *(lambda make=make: hidden(make()) for make in (arrayed, *EMPTIES)),
+        *(lambda make=make: collection(make()) for make in EMPTIES),
     ],
     ids=lambda make: make.__name__,
 )
@@ -311,6 +348,34 @@ def test_what_is_measured_is_what_is_shown(make):
     hull = MultiPoint(points).convex_hull
     outline = Polygon(measured.corners)
     assert (outline.area, outline.length) == pytest.approx((hull.area, hull.length), rel=1e-3)
+
+
+def test_empties_are_placed_as_they_stand_and_kept_apart():
+    """Two of them show the same box: each is as large and as turned as its own empty."""
+    box = rectangle("Box", 0.8, 0.4)
+    small = shown_by("Small", box)
+    large = bpy.data.objects.new("Large", None)
+    large.instance_type, large.instance_collection = "COLLECTION", small.instance_collection
+    large.scale, large.rotation_euler.z = (2.5, 1.5, 1.0), 0.6
+    bpy.context.collection.objects.link(large)
+    ground = rectangle("Ground", 12.0, 12.0)
+    sizes = [esh.ScatterSize("mixed", 60, collection(small, large)), esh.ScatterSize("large", 15, large)]
+    result = esh.scatter(ground, [esh.ScatterClass("boxes", sizes)], device="cpu", seed=3)
+    seen = outlines_in_the_scene()
+    areas = np.array([one.area for one in seen])
+    is_large = np.isclose(areas, 0.32 * 2.5 * 1.5, rtol=1e-3)
+    assert len(seen) == 75 and (is_large | np.isclose(areas, 0.32, rtol=1e-3)).all()
+    assert 25 <= is_large.sum() <= 60
+    assert overlapping(seen) == result.report.overlaps == 0
+
+
+def test_what_an_empty_shows_is_looked_through():
+    ground = rectangle("Ground", 10.0, 10.0)
+    nothing, on_itself = shown_by("Nothing"), shown_by("Itself", rectangle("Box", 1.0, 1.0))
+    on_itself.instance_collection.objects.link(ground)
+    for source, said in ((nothing, "must have geometry"), (on_itself, 'must not hold the target "Ground"')):
+        with pytest.raises(esh.EshError, match=said):
+            esh.scatter(ground, [esh.ScatterClass("all", [esh.ScatterSize("all", 3, source)])], device="cpu")
 
 
 def test_what_repeats_others_or_is_never_shown_is_refused():

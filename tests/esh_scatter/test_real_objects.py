@@ -27,7 +27,7 @@ def box(name, width, height, bumpy=False):
 
 @pytest.fixture
 def scatter():
-    """Stretched and turned trees, cabins that are collections, and planks that are long, on a slope."""
+    """Stretched and turned trees, cabins that are collections, planks that are long, sheds that are empties, on a slope."""
     bpy.ops.wm.read_homefile(use_empty=True)
     registration.register()
     ground = box("Ground", 20.0, 0.0, bumpy=True)
@@ -46,7 +46,11 @@ def scatter():
     parts.instance_offset = (0.5, 0.5, 0.0)
     plank = box("Plank", 0.2, 0.1)
     plank.scale.x = 9.0
-    for name, source, count in (("Pine", tree, 12), ("Cabin", parts, 4), ("Plank", plank, 6)):
+    shed = bpy.data.objects.new("Shed", None)
+    shed.instance_type, shed.instance_collection = "COLLECTION", parts
+    shed.scale, shed.rotation_euler, shed.location = (0.6, 0.4, 0.9), (0.1, 0.0, 0.5), (3.0, 4.0, 5.0)
+    shed.hide_viewport = True
+    for name, source, count in (("Pine", tree, 12), ("Cabin", parts, 4), ("Plank", plank, 6), ("Shed", shed, 5)):
         one = settings.add_class()
         one.name, one.tilt, one.scale_jitter, one.align_to_normal = name, 0.3, 0.3, 0.7
         size = one.sizes[0]
@@ -79,24 +83,25 @@ def test_every_real_object_is_where_its_instance_was(scatter):
     before = instances()
     assert bpy.ops.esh.instances_make_real() == {"FINISHED"}
     collection = real_objects.real_objects_of(scatter.result)
-    assert len(collection.objects) == 22
+    assert len(collection.objects) == 27
     names = sorted(item.name for item in collection.objects)
     assert names[:5] == ["Cabin 0013", "Cabin 0014", "Cabin 0015", "Cabin 0016", "Pine 0001"]
     after = instances()
-    assert len(after) == len(before) == 12 + 2 * 4 + 6
+    assert len(after) == len(before) == 12 + 2 * 4 + 6 + 2 * 5
     assert [row[0] for row in after] == [row[0] for row in before]
     assert np.abs(in_order(after) - in_order(before)).max() < 2e-4
     assert scatter.result.hide_viewport and scatter.result.hide_render
     pine = collection.objects["Pine 0001"]
     assert pine.data == bpy.data.meshes["Tree"] and not pine.hide_render and pine.parent is None
-    assert collection.objects["Cabin 0013"].instance_collection == bpy.data.collections["Cabin"]
+    for name in ("Cabin 0013", "Shed 0023"):
+        assert collection.objects[name].instance_collection == bpy.data.collections["Cabin"]
 
 
 def test_the_share_of_the_viewport_hides_none_and_stays(scatter):
     modifier = our_modifier(scatter.result)
     set_inputs(modifier, {"Viewport Share": 0.2, "Display": "Points"})
     bpy.ops.esh.instances_make_real()
-    assert len(real_objects.real_objects_of(scatter.result).objects) == 22
+    assert len(real_objects.real_objects_of(scatter.result).objects) == 27
     inputs = get_inputs(modifier)
     assert inputs["Viewport Share"] == pytest.approx(0.2) and inputs["Display"] == "Points"
 
@@ -176,7 +181,7 @@ def test_deleted_objects_leave_their_places_free_and_copies_stay(scatter):
     copy.location.x += 1.0
     collection.objects.link(copy)
     assert bpy.ops.esh.instances_from_real() == {"FINISHED"}
-    assert len(scatter.result.data.vertices) == 20 and len(scatter.free_places) == 2
+    assert len(scatter.result.data.vertices) == 25 and len(scatter.free_places) == 2
     # Its roof is 1.2 m wide, and it is up to 30 % larger or smaller.
     assert 0.7 * 0.6 < scatter.free_places[1].radius < 1.3 * 0.65
     assert not {0, 12} & set(read_attribute(scatter.result.data, "id").tolist())
