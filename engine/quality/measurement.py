@@ -27,6 +27,7 @@ from .out_of_place import OutOfPlace, out_of_place
 from .overlaps import Overlaps, overlaps_of, overlaps_of_fixed
 from .spacing import Spacing, measure_spacing
 from .surface_measurement import measure_on_surface
+from .unequal_areas import notes_on_areas
 
 __all__ = ["measure"]
 
@@ -62,9 +63,9 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
         outlined = footprints.areas(placement.length, placement.width, apart=False)
         seen = np.where(footprints.is_outline, outlined, seen)
     covered = float(seen.sum() / (domain.area * share_in_use(problem)))
-    notes = [note for c in problem.classes for note in c.notes]
     overlaps = overlaps_of(placement, launcher, footprints, bodies.position)
-    notes += _notes_on_overlaps(problem, overlaps, covered)
+    notes = [note for c in problem.classes for note in c.notes]
+    notes += notes_on_areas(problem, area, class_index, errors) + _notes_on_overlaps(problem, overlaps, covered)
     misplaced = out_of_place(placement, launcher, footprints)
     notes += _notes_on_places(problem, misplaced)
     of_fixed = Overlaps(0)
@@ -108,6 +109,7 @@ def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:
     """What :func:`measure` returns, for a placement on a surface."""
     found = measure_on_surface(placement, launcher)
     notes = [note for c in placement.problem.classes for note in c.notes]
+    notes += notes_on_areas(placement.problem, placement.area, placement.class_index, found.errors)
     overlaps = found.overlaps
     notes += _notes_on_overlaps(placement.problem, overlaps, found.covered)
     return Report(
