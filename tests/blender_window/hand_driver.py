@@ -314,12 +314,7 @@ def free_place(taken):
 
 def overlaps():
     """Too many overlap: they are selected, and the worst is framed."""
-    top = yield from hand.turn_panel("ESH_PT_class")
-    yield from hand.press("sizes[0].count", first=top, times=2)
-    yield from hand.keys("ctrl+a")
-    yield from hand.write("640")
-    yield from hand.keys("Return")
-    yield from hand.turn_panel("ESH_PT_class", is_open=False)
+    yield from ask_for("640")
     yield from update()
     answer["overlaps"] = scatter().report["overlaps"]
     take_screenshot("hand-22-overlaps.png")
@@ -332,6 +327,38 @@ def overlaps():
     yield from hand.keys("Tab", "Home")
     yield 0.5
     answer["selected_points"] = int(sum(one.select for one in scatter().result.data.vertices))
+
+
+def ask_for(count):
+    """Type the count of the active class."""
+    top = yield from hand.turn_panel("ESH_PT_class")
+    yield from hand.press("sizes[0].count", first=top, times=2)
+    yield from hand.keys("ctrl+a")
+    yield from hand.write(count)
+    yield from hand.keys("Return")
+    yield from hand.turn_panel("ESH_PT_class", is_open=False)
+
+
+def scaled_to_fit():
+    """Far too many are asked for: it is said before a run, and the button below it asks for as many as fit."""
+    yield from ask_for("9000")
+    # It is worked out in a moment.
+    yield 3.0
+    take_screenshot("hand-25-too-many.png")
+    yield from hand.press("esh.counts_to_fit")
+    yield 3.0
+    answer["scaled_to"] = [one.count for one in scatter().classes]
+    take_screenshot("hand-26-scaled.png")
+    yield from hand.move(on_screen((0.0, 0.0, 0.0)))
+    yield from hand.keys("ctrl+z")
+    yield 1.0
+    answer["scaling_undone"] = [one.count for one in scatter().classes]
+    yield from hand.keys("ctrl+shift+z")
+    yield 1.0
+    answer["scaling_redone"] = [one.count for one in scatter().classes]
+    yield from update()
+    answer["scaled"] = len(positions()), scatter().report["overlaps"], scatter().report["covered"]
+    take_screenshot("hand-27-fitted.png")
 
 
 def undone_while_it_runs():
@@ -498,7 +525,7 @@ def _in_dialog(name, across):
 answer["mouse"] = shutil.which("xdotool") is not None
 WALKS = {
     "one scatter": (begin, obstacles, instances_by_hand, turned_and_let_go, display, real_objects, ends),
-    "another scatter": (begin, another_scatter, overlaps, undone_while_it_runs),
+    "another scatter": (begin, another_scatter, overlaps, undone_while_it_runs, scaled_to_fit),
     "handing on": (begin, a_preset_on_top, exported),
     "by keyboard": (by_keyboard,),
     "painting": (begin, painted_without_live),

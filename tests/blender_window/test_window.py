@@ -108,6 +108,10 @@ def test_an_artist_adds_another_scatter_with_mouse_and_keys(package: Path, tmp_p
     assert answer["second_overlaps"] == 0, "it keeps off the first, and finds gaps for all"
     assert answer["overlaps"] > 0 and answer["selecting"] == "EDIT" and answer["selected_points"] > 1
     assert answer["undone_run"], "to undo a run that goes on stops it"
+    (scaled,) = answer["scaled_to"]
+    assert 100 < scaled < 6000 and answer["scaling_undone"] == [9000] and answer["scaling_redone"] == [scaled]
+    placed, overlaps, covered = answer["scaled"]
+    assert (placed, overlaps) == (scaled, 0) and covered > 0.4
 
 
 def test_an_artist_hands_a_scatter_on_with_mouse_and_keys(package: Path, tmp_path: Path):
