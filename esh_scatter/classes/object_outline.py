@@ -13,10 +13,14 @@ from ..targets.evaluated_mesh import evaluated_mesh
 from ..targets.target import check_exists, members_of, origin_of, read_triangles, with_shown, world_matrix
 from .shown_geometry import is_shown_as_it_is, realized, repeats_by
 
-__all__ = ["measure_footprint", "outline_of", "read_source"]
+__all__ = ["NoFacesError", "measure_footprint", "outline_of", "read_source"]
 
 # Types of objects whose instances may show more than themselves: meshes by nodes and modifiers, empties by collections.
 MEASURED = {"MESH", "EMPTY"}
+
+
+class NoFacesError(ProblemError):
+    """Something has no faces, which cover ground: a curve that guides others, an empty."""
 
 
 def measure_footprint(
@@ -46,7 +50,8 @@ def read_source(item: bpy.types.Object | bpy.types.Collection, context: bpy.type
     Of a collection, all objects are read as one, at their places about its offset, or about the object that the others hang on.
 
     Raises:
-        ProblemError: It has no faces.
+        NoFacesError: It has no faces.
+        ProblemError: Nothing can measure it.
     """
     as_one = isinstance(item, bpy.types.Collection)
     objects = with_shown(item.all_objects if as_one else [item])
@@ -78,7 +83,7 @@ def _read_as_one(collection: bpy.types.Collection, context: bpy.types.Context, k
             continue
     name = f'collection "{collection.name}"'
     if not parts:
-        raise ProblemError(f"{key} must be given in m²: {name} has no faces to measure it from")
+        raise NoFacesError(f"{key} must be given in m²: {name} has no faces to measure it from")
     first = np.cumsum([0, *(len(part.position) for part in parts)])
     triangle = np.concatenate([part.triangle + start for part, start in zip(parts, first, strict=False)])
     position = np.concatenate([part.position for part in parts])
@@ -91,7 +96,7 @@ def _read(item: bpy.types.Object, matrix: np.ndarray, context: bpy.types.Context
     name = f'object "{item.name}"'
     with evaluated_mesh(item, context) as mesh:
         if mesh is None or not len(mesh.polygons):
-            raise ProblemError(f"{key} must be given in m²: {name} has no faces to measure it from")
+            raise NoFacesError(f"{key} must be given in m²: {name} has no faces to measure it from")
         return read_triangles(mesh, matrix, name)
 
 

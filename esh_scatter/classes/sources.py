@@ -25,7 +25,7 @@ from ...engine.surface.mesh_outline import Outline
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ..targets.references import Reference
 from ..targets.target import check_exists, is_result, members_of, with_shown
-from .object_outline import read_source
+from .object_outline import NoFacesError, read_source
 from .scatter_class import ScatterSize
 from .survey import Survey
 
@@ -154,9 +154,13 @@ class SourceReader:
         area = None if size.area is None else check_area_or_range(size.area, f"`area` of {key}")
         if size.line is not None and not isinstance(size.line, (bool, Line)):
             raise ProblemError(f"`line` of {key} must be true, false, a Line or None; got {show(size.line)}")
+        meshes = [self._mesh(member, key) for member in members]
+        if not isinstance(area, float):
+            # A curve among the objects of a collection has nothing to show, and is passed over as a light is.
+            measured = [number for number, mesh in enumerate(meshes) if not isinstance(mesh, NoFacesError)]
+            members, meshes = ([every[number] for number in measured or [0]] for every in (members, meshes))
         weights = _weights(size, members, key)
-        meshes = tuple(self._mesh(member, key) for member in members)
-        return SizeSource(key, tuple(self._number(member) for member in members), area, meshes, weights)
+        return SizeSource(key, tuple(self._number(member) for member in members), area, tuple(meshes), weights)
 
     def _mesh(self, member: bpy.types.Object | bpy.types.Collection, key: str) -> TriangleMesh | ProblemError:
         if member.session_uid not in self._meshes:

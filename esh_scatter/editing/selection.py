@@ -15,7 +15,6 @@ from ...engine.problem.scatter_settings import TargetSettings
 from ..classes.object_outline import outline_of, read_source
 from ..classes.survey import Survey
 from ..targets.references import Reference
-from ..targets.target import shown_collection
 from ..targets.targets import check_targets, read_targets
 
 if TYPE_CHECKING:
@@ -62,7 +61,7 @@ def measure(
         except ProblemError:
             flat.append(item.name)
             continue
-        upright = _height(item, mesh) > max(footprint.length, footprint.width)
+        upright = _height(mesh) > max(footprint.length, footprint.width)
         measured.append(Measured(item, footprint.area, upright, _stand_on(mesh)))
     return measured, flat
 
@@ -142,13 +141,12 @@ def _read(
         mesh = read_source(item, context, "`area`")
     except ProblemError:
         mesh = None
-    return Reference(item, "object to place"), 0.0 if mesh is None else _height(item, mesh), mesh
+    return Reference(item, "object to place"), 0.0 if mesh is None else _height(mesh), mesh
 
 
-def _height(item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh) -> float:
-    """Return how high something is [m]: an object as it lies in its own axes, what is shown together as it stands."""
-    as_one = isinstance(item, bpy.types.Collection) or shown_collection(item) is not None
-    return float(np.ptp(mesh.position[:, 2]) if as_one else item.dimensions.z)
+def _height(mesh: TriangleMesh) -> float:
+    """Return how high what is shown of something is as it stands [m]."""
+    return float(np.ptp(mesh.position[:, 2]))
 
 
 def _stand_on(mesh: TriangleMesh) -> str:

@@ -20,6 +20,7 @@ __all__ = [
     "draw_settings",
     "fits_line",
     "is_narrow",
+    "length_text",
     "text_width",
     "units_of",
     "width_of",
@@ -36,6 +37,8 @@ MARGINS, ICON = 56, 26
 PARTED, CHECKBOX, CHOICE = 0.42, 28, 42
 # What the buttons beside the name of an image take.
 IMAGE_BUTTONS = 150
+# Between these lengths meters are told as such [m].
+SHORTEST, LONGEST = 0.01, 1000.0
 # What a label leaves free around its text, and how wide a unit of a layout is.
 AROUND, UNIT = 12, 20
 
@@ -87,6 +90,20 @@ def units_of(context: bpy.types.Context, text: str) -> float:
 def is_narrow(context: bpy.types.Context) -> bool:
     """Tell whether the sidebar is so narrow that names need the room of what may be missing."""
     return width_of(context) <= NARROW
+
+
+def length_text(context: bpy.types.Context, length: float) -> str:
+    """Return a length as the scene's units tell it, with as many digits as are worth reading."""
+    units = context.scene.unit_settings
+    if units.system == "NONE":
+        return words.meters(length).removesuffix(" m")
+    told = length * units.scale_length
+    if units.system == "METRIC" and SHORTEST <= told <= LONGEST:
+        return words.meters(told)
+    text: str = bpy.utils.units.to_string(
+        units.system, "LENGTH", told, precision=3, split_unit=False, compatible_unit=False
+    )
+    return text
 
 
 def draw_property(

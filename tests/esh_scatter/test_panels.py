@@ -310,6 +310,24 @@ def test_the_report_shows_counts_meters_and_every_note_once():
     assert "More steps" not in " ".join(draw_all(400)), "nothing is wrong that more steps would mend"
 
 
+@pytest.mark.parametrize(
+    ("system", "scale", "told"),
+    [
+        ("METRIC", 1.0, "0.34 m"),
+        ("METRIC", 0.01, "3.42 mm"),
+        ("METRIC", 1e4, "3.42 km"),
+        ("IMPERIAL", 1.0, "1.12'"),
+        ("NONE", 0.01, "0.34"),
+    ],
+)
+def test_lengths_in_the_report_are_in_the_units_of_the_scene(system, scale, told):
+    units = bpy.context.scene.unit_settings
+    units.system, units.scale_length = system, scale
+    ready_scatter()
+    drawn = draw_all(400)
+    assert drawn[drawn.index("Closest Pair") + 1] == told
+
+
 def test_classes_have_their_current_names_in_the_report():
     scatter = ready_scatter()
     scatter.classes[0].name = "Fir"

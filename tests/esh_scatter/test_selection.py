@@ -59,6 +59,30 @@ def test_one_class_per_object_with_pleasant_counts_solved_and_shown(ground, obje
     assert not scatter.outdated and scatter.report["overlaps"] == 0
 
 
+def test_how_high_something_is_counts_all_that_is_shown_of_it_as_it_stands(ground):
+    """A stack of slabs that nodes instance is taller than wide, though the slab itself is flat; so is a model with another axis up."""
+    slab = box("Slab", 1.0, 1.0, 0.1)
+    tree = bpy.data.node_groups.new("Stack", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    given, line, stack, result = (
+        tree.nodes.new(kind)
+        for kind in ("NodeGroupInput", "GeometryNodeMeshLine", "GeometryNodeInstanceOnPoints", "NodeGroupOutput")
+    )
+    tree.links.new(line.outputs[0], stack.inputs["Points"])
+    tree.links.new(given.outputs[0], stack.inputs["Instance"])
+    tree.links.new(stack.outputs[0], result.inputs[0])
+    slab.modifiers.new("Stack", "NODES").node_group = tree
+    lying, imported = box("Post", 0.2, 0.2, 3.0), box("Imported", 0.2, 3.0, 0.2)
+    lying.rotation_euler.y = imported.rotation_euler.x = 0.5 * math.pi
+    bpy.context.view_layer.update()
+    ahead = {one.item.name: one.upright for one in selection.measure([slab, lying, imported], bpy.context)[0]}
+    assert ahead == {"Slab": True, "Post": False, "Imported": True}
+    select(slab, ground, active=ground)
+    bpy.ops.esh.scatter_selection(most=9)
+    assert [c.align_to_normal for c in bpy.context.scene.esh_scatter.active.classes] == [0.0]
+
+
 @pytest.mark.parametrize(("below", "stand_on"), [(0.0, "ORIGIN"), (0.5, "ORIGIN"), (1.5, "LOWEST"), (-0.5, "ORIGIN")])
 def test_what_has_its_origin_in_its_middle_stands_on_its_lowest_point(ground, objects, below, stand_on):
     tree = objects[0]

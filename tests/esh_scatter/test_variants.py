@@ -70,6 +70,23 @@ def test_weights_without_meaning_are_named(weights, words):
     assert words in str(caught.value)
 
 
+def test_what_has_no_faces_is_passed_over_among_the_objects_of_a_collection():
+    ground, parts = quad("Ground", 40.0), collection_of("Parts")
+    wall, crate = quad("Wall", 1.0, collection=parts), quad("Crate", 0.5, collection=parts)
+    guide = bpy.data.objects.new("Guide", bpy.data.curves.new("Guide", "CURVE"))
+    parts.objects.link(guide)
+    result = placed(ground, esh.ScatterSize("s", 30, parts, weights={"Wall": 2.0, "Guide": 5.0}))
+    shown = [one.object.original for one in bpy.context.evaluated_depsgraph_get().object_instances if one.is_instance]
+    assert {shown.count(wall) + shown.count(crate), len(shown), len(result.instances.position)} == {30}
+    assert shown.count(wall) > shown.count(crate) > 0
+    # Of a given area, as it was asked for; and alone it cannot be measured.
+    placed(ground, esh.ScatterSize("s", 30, parts, area=0.5))
+    parts.objects.unlink(wall)
+    parts.objects.unlink(crate)
+    with pytest.raises(esh.ProblemError, match='object "Guide" has no faces'):
+        placed(ground, esh.ScatterSize("s", 30, parts))
+
+
 def test_a_collection_as_one_keeps_its_objects_at_their_places():
     ground, tree = quad("Ground", 40.0), collection_of("Tree")
     trunk = quad("Trunk", 0.2, (5.0, 5.0, 0.0), tree)
