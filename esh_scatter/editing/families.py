@@ -10,8 +10,8 @@ from ..targets.target import FAMILY_OF, is_result, members_of, put_offset, shown
 
 __all__ = ["as_placed", "heads_in"]
 
-# What has a footprint: others, such as lights and cameras, are passed over.
-SCATTERED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
+# What has a footprint: others, such as lights and cameras, are passed over. Of metaballs Blender's nodes show nothing.
+SCATTERED_TYPES = {"MESH", "CURVE", "SURFACE", "FONT"}
 
 
 def heads_in(candidates: Iterable[bpy.types.Object], targets: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:

@@ -27,6 +27,8 @@ __all__ = ["Measured", "SelectionSurvey", "add_classes", "measure", "pleasant_co
 
 # An object of which more than this share is below its origin has it in its middle, as new shapes have, and not at its foot.
 BELOW_ORIGIN = 0.35
+# Directions in which it is looked how wide something is.
+DIRECTIONS = 16
 
 
 class Measured(NamedTuple):
@@ -37,12 +39,14 @@ class Measured(NamedTuple):
         area: Ground that one takes [m²].
         upright: Whether it is taller than it is wide, as a tree is and a plank is not.
         stand_on: What of it touches the ground: its lowest point where its origin is in the middle of it, or else the origin.
+        as_disc: Whether the area is that of a disc around it, since its faces stand upright, as those of a card with grass on it.
     """
 
     item: bpy.types.Object | bpy.types.Collection
     area: float
     upright: bool
     stand_on: str
+    as_disc: bool = False
 
 
 def measure(
@@ -57,13 +61,30 @@ def measure(
     for item in items:
         try:
             mesh = read_source(item, context, "`area`")
-            footprint = outline_of(mesh, "`area`")
         except ProblemError:
             flat.append(item.name)
             continue
-        upright = _height(mesh) > max(footprint.length, footprint.width)
-        measured.append(Measured(item, footprint.area, upright, _stand_on(mesh)))
+        try:
+            outline = outline_of(mesh, "`area`")
+        except ProblemError:
+            outline = None
+        one = _measured(item, mesh, outline)
+        measured += [one] if one is not None else []
+        flat += [item.name] if one is None else []
     return measured, flat
+
+
+def _measured(
+    item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh, outline: Outline | None
+) -> Measured | None:
+    """Return what is known of something with or without an outline; None where it takes no ground at all."""
+    height, stand_on = float(np.ptp(mesh.position[:, 2])), _stand_on(mesh)
+    if outline is not None:
+        return Measured(item, outline.area, height > max(outline.length, outline.width), stand_on)
+    angle = np.arange(DIRECTIONS) * (math.pi / DIRECTIONS)
+    across = float(np.ptp(mesh.position[:, :2] @ np.stack([np.cos(angle), np.sin(angle)]), axis=0).max())
+    # Cards with grass on them stand, however wide they are.
+    return Measured(item, 0.25 * math.pi * across**2, True, stand_on, as_disc=True) if across > 0.0 else None
 
 
 class SelectionSurvey:
@@ -114,7 +135,7 @@ class SelectionSurvey:
             self.settings = replace(self.settings, surface="whole")
             chart = self.survey.begin(self._ground, self.settings)
         self.area = float(np.sum(chart.area))
-        for _, _, mesh in self._items:
+        for _, mesh in self._items:
             try:
                 self._outlines.append(None if mesh is None else self.survey.outline(mesh, "`area`"))
             except ProblemError:
@@ -123,30 +144,25 @@ class SelectionSurvey:
     def measured(self) -> tuple[list[Measured], list[str]]:
         """Return what :func:`measure` does; of what is still there."""
         found, flat = [], []
-        for (reference, height, mesh), outline in zip(self._items, self._outlines, strict=True):
+        for (reference, mesh), outline in zip(self._items, self._outlines, strict=True):
             item = reference.find()
-            if item is not None and mesh is not None and outline is not None:
-                upright = height > max(outline.length, outline.width)
-                found.append(Measured(item, outline.area, upright, _stand_on(mesh)))
-            elif item is not None:
-                flat.append(item.name)
+            if item is None:
+                continue
+            one = None if mesh is None else _measured(item, mesh, outline)
+            found += [one] if one is not None else []
+            flat += [item.name] if one is None else []
         return found, flat
 
 
 def _read(
     item: bpy.types.Object | bpy.types.Collection, context: bpy.types.Context
-) -> tuple[Reference, float, TriangleMesh | None]:
-    """Return what to place, how high it is [m], and its mesh, or None where it has no faces."""
+) -> tuple[Reference, TriangleMesh | None]:
+    """Return what to place, and its mesh, or None where it has no faces."""
     try:
         mesh = read_source(item, context, "`area`")
     except ProblemError:
         mesh = None
-    return Reference(item, "object to place"), 0.0 if mesh is None else _height(mesh), mesh
-
-
-def _height(mesh: TriangleMesh) -> float:
-    """Return how high what is shown of something is as it stands [m]."""
-    return float(np.ptp(mesh.position[:, 2]))
+    return Reference(item, "object to place"), mesh
 
 
 def _stand_on(mesh: TriangleMesh) -> str:
@@ -188,6 +204,8 @@ def add_classes(scatter: ESH_PG_scatter, measured: Sequence[Measured], counts: S
         size = body_class.sizes[0]
         size.count = count
         size.place(one.item)
+        if one.as_disc:
+            size.area_kind, size.area = "VALUE", one.area
         # Trees stand upright; what lies, lies on the slope.
         body_class.align_to_normal = 0.0 if one.upright else 1.0
         body_class.stand_on = one.stand_on

@@ -83,6 +83,29 @@ def test_how_high_something_is_counts_all_that_is_shown_of_it_as_it_stands(groun
     assert [c.align_to_normal for c in bpy.context.scene.esh_scatter.active.classes] == [0.0]
 
 
+def test_a_card_with_grass_on_it_stands_upright_and_takes_the_ground_of_a_disc_around_it(ground):
+    """Its only face stands upright, and covers nothing seen from above."""
+    card = box("Grass", 0.5, 0.3, 0.0)
+    card.rotation_euler.x = 0.5 * math.pi
+    card.rotation_euler.z = 0.3
+    edge = bpy.data.objects.new("Edge", bpy.data.curves.new("Edge", "CURVE"))
+    bpy.context.scene.collection.objects.link(edge)
+    bpy.context.view_layer.update()
+    select(card, edge, ground, active=ground)
+    assert bpy.ops.esh.scatter_selection(most=50) == {"FINISHED"}
+    scatter = bpy.context.scene.esh_scatter.active
+    (body_class,) = scatter.classes
+    size = body_class.sizes[0]
+    assert (size.area_kind, body_class.align_to_normal, scatter.report["overlaps"]) == ("VALUE", 0.0, 0)
+    assert size.area == pytest.approx(math.pi * 0.25**2, rel=0.01)
+    place = np.array([vertex.co for vertex in scatter.result.data.vertices])
+    gap = np.linalg.norm(place[:, None] - place[None], axis=-1)[~np.eye(len(place), dtype=bool)]
+    assert len(place) == 50 and gap.min() > 0.49
+    counted = scatter.classes[0].count
+    assert bpy.ops.esh.classes_from_selection(count=7) == {"FINISHED"}
+    assert [(c.count, c.sizes[0].area_kind) for c in scatter.classes] == [(counted, "VALUE"), (7, "VALUE")]
+
+
 @pytest.mark.parametrize(("below", "stand_on"), [(0.0, "ORIGIN"), (0.5, "ORIGIN"), (1.5, "LOWEST"), (-0.5, "ORIGIN")])
 def test_what_has_its_origin_in_its_middle_stands_on_its_lowest_point(ground, objects, below, stand_on):
     tree = objects[0]
@@ -170,14 +193,24 @@ def test_the_button_says_what_to_select(ground, objects, what, said):
 
 
 def test_what_takes_no_ground_is_left_out_and_nothing_else_changes_nothing(ground, objects):
-    wall = box("Wall", 1.0, 1.0, 0.0)
-    wall.rotation_euler.x = np.pi / 2
+    edge = bpy.data.objects.new("Edge", bpy.data.curves.new("Edge", "CURVE"))
+    bpy.context.scene.collection.objects.link(edge)
     bpy.context.view_layer.update()
-    select(wall, ground, active=ground)
+    select(edge, ground, active=ground)
     with pytest.raises(RuntimeError, match="None of the objects covers ground"):
         bpy.ops.esh.scatter_selection()
     assert len(bpy.context.scene.esh_scatter.scatters) == 0
-    select(wall, objects[0], ground, active=ground)
+    select(edge, objects[0], ground, active=ground)
+    assert bpy.ops.esh.scatter_selection(most=20) == {"FINISHED"}
+    assert [c.name for c in bpy.context.scene.esh_scatter.active.classes] == ["Tree"]
+
+
+def test_metaballs_of_which_nothing_can_be_shown_are_passed_over(ground, objects):
+    ball = bpy.data.objects.new("Ball", bpy.data.metaballs.new("Ball"))
+    bpy.context.scene.collection.objects.link(ball)
+    select(ball, ground, active=ground)
+    assert not bpy.ops.esh.scatter_selection.poll()
+    select(ball, objects[0], ground, active=ground)
     assert bpy.ops.esh.scatter_selection(most=20) == {"FINISHED"}
     assert [c.name for c in bpy.context.scene.esh_scatter.active.classes] == ["Tree"]
 
