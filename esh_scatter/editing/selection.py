@@ -15,6 +15,7 @@ from ...engine.problem.scatter_settings import TargetSettings
 from ..classes.object_outline import outline_of, read_source
 from ..classes.survey import Survey
 from ..targets.references import Reference
+from ..targets.target import head_of, members_of, shown_collection, world_matrix
 from ..targets.targets import check_targets, read_targets
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ def _measured(
     item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh, outline: Outline | None
 ) -> Measured | None:
     """Return what is known of something with or without an outline; None where it takes no ground at all."""
-    height, stand_on = float(np.ptp(mesh.position[:, 2])), _stand_on(mesh)
+    height, stand_on = float(np.ptp(mesh.position[:, 2])), _stand_on(item, mesh, bpy.context)
     if outline is not None:
         return Measured(item, outline.area, height > max(outline.length, outline.width), stand_on)
     angle = np.arange(DIRECTIONS) * (math.pi / DIRECTIONS)
@@ -165,9 +166,14 @@ def _read(
     return Reference(item, "object to place"), mesh
 
 
-def _stand_on(mesh: TriangleMesh) -> str:
+def _stand_on(item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh, context: bpy.types.Context) -> str:
     """Return what of an object touches the ground, as a class has it: what is not far below the origin is meant to be in it."""
     low, high = float(mesh.position[:, 2].min()), float(mesh.position[:, 2].max())
+    head = head_of(item)
+    if head is not None and shown_collection(head) is None and members_of(head):
+        # A trunk with its origin in its middle has it below the middle of the tree.
+        own = (np.array(head.bound_box) @ world_matrix(head, context)[:3, :3].T)[:, 2]
+        low, high = float(own.min()), float(own.max())
     return "LOWEST" if -low > BELOW_ORIGIN * (high - low) else "ORIGIN"
 
 

@@ -71,6 +71,22 @@ def test_a_trunk_with_leaves_that_hang_on_it_stays_a_tree(ground, picked):
     assert len(bpy.data.collections) == before, "the same family has one collection"
 
 
+def test_a_tree_whose_trunk_has_its_origin_in_its_middle_is_not_sunk_in(ground):
+    """Seen from the whole tree, its origin is near the ground."""
+    trunk = box("Trunk", 1.0, (-40.0, 0.0, 0.0))
+    box("Leaves", 1.0, (-40.0, 0.0, 1.5), trunk)
+    roots = box("Stump", 1.0, (-50.0, 0.0, 0.0))
+    roots.data.transform(Matrix.Translation((0.0, 0.0, 0.3)))
+    box("Twig", 0.2, (-50.0, 0.0, 1.5), roots)
+    select(trunk, roots, ground, active=ground)
+    bpy.ops.esh.scatter_selection(most=20)
+    scatter = bpy.context.scene.esh_scatter.active
+    assert [(c.name, c.stand_on) for c in scatter.classes] == [("Stump", "ORIGIN"), ("Trunk", "LOWEST")]
+    names, place = instanced()
+    heights = {name: set(place[np.array(names) == name][:, 2].round(4)) for name in set(names)}
+    assert heights == {"Trunk": {0.5}, "Leaves": {2.0}, "Stump": {0.0}, "Twig": {1.5}}
+
+
 @pytest.mark.parametrize("gone", ["Trunk", "Leaves"])
 def test_a_tree_of_which_something_was_deleted_is_not_scattered_in_silence(ground, gone):
     trunk = box("Trunk", 0.4, (-40.0, 0.0, 0.0))
