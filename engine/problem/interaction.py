@@ -33,6 +33,14 @@ LEVELS = 24
 # least so many. Measured, 10, 20 and 24 levels of 1,500 bodies leave coverage errors within 2 % of each other.
 LEVELS_PER_ROOT = 0.5
 FEWEST_LEVELS = 4
+# Small bodies gather where at least so many come to each large one that they share gaps, and they are asked to fill less than a share
+# of the ground. Measured with 60 large squares: else their nearest neighbors are about as far as those of random points.
+GATHERING = ((2.0, 0.1), (1.0, 0.005))
+# Groups whose mean areas differ by less are not told apart; and where no two areas differ by more than that, none gather.
+LEAST_RATIO, LEAST_SPAN = 2.0, 16.0
+# Share of the ground that they fill then. More brings them close to the large ones, which have to turn for them; these are as even
+# with 0.8 as with 0.5 and without. And the largest factor for that, as large as an emphasis may be.
+FILLED, LARGEST_FACTOR = 0.5, 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +120,49 @@ def group_bodies(
     index = np.array(class_index)
     for c in range(len(problem.classes)):
         e[index == c] /= e[index == c].min()
-    between = problem.balance.class_factors(counts or [c.body_count for c in problem.classes])[np.ix_(index, index)]
-    return Groups(body_group, index, between * np.minimum(e[:, None], e[None, :]))
+    counts = counts or [c.body_count for c in problem.classes]
+    between = problem.balance.class_factors(counts)[np.ix_(index, index)]
+    matrix = between * np.minimum(e[:, None], e[None, :])
+    spans = [one for c in problem.classes for size in c.sizes for one in size.area_span]
+    if len(e) > 1 and min(spans) * LEAST_SPAN <= max(spans):
+        # Samples count for as many as they stand for.
+        stand_for = np.divide(counts, [max(c.body_count, 1) for c in problem.classes])[index]
+        number, charge = (np.bincount(body_group, weights, len(e)) * stand_for for weights in (None, area))
+        matrix = _spread_small(matrix, between, number, charge)
+    return Groups(body_group, index, matrix)
+
+
+def _spread_small(matrix: np.ndarray, between: np.ndarray, number: np.ndarray, charge: np.ndarray) -> np.ndarray:
+    """Return factors with which small bodies do not gather in the gaps between much larger ones.
+
+    Large bodies repel small ones with all of their charge. So the energy is least where the small ones fill the gaps between them as
+    densely as the density asks of all together: they crowd on a share of the ground that is their share of the charge. Where that is
+    very little, they get a term of their own, in which the large ones have no part, so strong that they fill :data:`FILLED`. What
+    is added is positive semidefinite.
+
+    Args:
+        matrix: Interaction factors of groups.
+        between: Those of their classes alone.
+        number: Bodies of every group.
+        charge: Their charge.
+    """
+    mean = charge / np.maximum(number, 1.0)
+    order = np.argsort(mean, kind="stable")
+    for last in range(len(order) - 1, 0, -1):
+        if mean[order[last - 1]] * LEAST_RATIO > mean[order[last]]:
+            continue
+        small = np.zeros(len(order), bool)
+        small[order[:last]] = True
+        total = float(charge[small].sum())
+        if not total > 0.0:
+            continue
+        own = np.where(small, charge, 0.0) / total
+        filled, seen = float(own @ matrix @ own), float(own @ matrix @ (charge / total))
+        many, few = number[small].sum(), number[~small].sum()
+        if any(many >= least * few and filled < share * seen for least, share in GATHERING):
+            factor = (FILLED * seen - filled) / ((1.0 - FILLED) * float(own @ between @ own))
+            matrix = matrix + min(factor, LARGEST_FACTOR) * between * np.outer(small, small)
+    return matrix
 
 
 def _exponent(problem: Problem) -> float:

@@ -65,7 +65,7 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     covered = float(seen.sum() / (domain.area * share_in_use(problem)))
     overlaps = overlaps_of(placement, launcher, footprints, bodies.position)
     notes = [note for c in problem.classes for note in c.notes]
-    notes += notes_on_areas(problem, area, class_index, errors) + _notes_on_overlaps(problem, overlaps, covered)
+    notes += notes_on_areas(area, class_index, errors) + _notes_on_overlaps(problem, overlaps, covered)
     misplaced = out_of_place(placement, launcher, footprints)
     notes += _notes_on_places(problem, misplaced)
     of_fixed = Overlaps(0)
@@ -109,7 +109,7 @@ def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:
     """What :func:`measure` returns, for a placement on a surface."""
     found = measure_on_surface(placement, launcher)
     notes = [note for c in placement.problem.classes for note in c.notes]
-    notes += notes_on_areas(placement.problem, placement.area, placement.class_index, found.errors)
+    notes += notes_on_areas(placement.area, placement.class_index, found.errors)
     overlaps = found.overlaps
     notes += _notes_on_overlaps(placement.problem, overlaps, found.covered)
     return Report(

@@ -27,8 +27,8 @@ VERY_EVEN = 0.04
 EVEN = 0.15
 # Share of the objects from which on a crowded region is spoken of.
 LEAST_CROWDED = 0.01
-# What sentences on areas that differ by much have in them.
-GATHERED, COARSE = "gather in the gaps between the large ones", "counts as uneven"
+# What the sentence on areas that differ by much has in it.
+COARSE = "counts as uneven"
 # A space at which no line is broken.
 UNBROKEN = "\u00a0"
 # Fewer than this have no evenness to speak of.
@@ -99,7 +99,7 @@ def notes(report: dict[str, Any], *, foreseen: bool = False) -> list[str]:
     # Where many overlap there is no room to be even in.
     crowded = report["overlaps"] > LEAST_CROWDED * placed(report)
     # What comes of areas that differ by much stays, however many steps there are.
-    unequal = any(GATHERED in note or COARSE in note for note in report["notes"])
+    unequal = any(COARSE in note for note in report["notes"])
     if not (report["converged"] or crowded or unequal) and evenness(report).startswith("uneven"):
         found.append("more steps would make it more even (Advanced)")
     return [note[:1].upper() + note[1:] for note in found]
@@ -107,8 +107,8 @@ def notes(report: dict[str, Any], *, foreseen: bool = False) -> list[str]:
 
 def _in_blender(note: str) -> str:
     """Return a sentence of a report in the words of the sidebar."""
-    note = note.replace("`class_separation`", "Mix Classes").replace("coverage errors look", "evenness looks")
     note = note.replace("`", "").replace("fixed bodies", "pinned objects").replace("fixed body", "pinned object")
+    note = note.replace("coverage errors look", "evenness looks")
     return note.replace("1 body ", "1 object ").replace(" bodies ", " objects ")
 
 

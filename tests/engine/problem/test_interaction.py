@@ -124,3 +124,34 @@ def test_outlines_of_all_areas_have_the_emphasis_that_is_listed_for_their_size()
     sizes = [Size(f"{k}", None, 20, footprint=[kind.scaled(k) for kind in kinds]) for k in (1.0, 2.0)]
     groups = group_bodies(Problem(Domain((60.0, 60.0)), [BodyClass("a", sizes)], Balance(size_emphasis=[3.0])))
     np.testing.assert_array_equal(groups.matrix, [[1, 1], [1, 3]])
+
+
+def beside(*sizes, alpha=0.5):
+    """The matrix of classes of an area and a count each."""
+    classes = [BodyClass(str(k), [Size("s", area, count)]) for k, (area, count) in enumerate(sizes)]
+    return group_bodies(Problem(Domain((100.0, 100.0)), classes, Balance(alpha, rare_emphasis=0.0))).matrix
+
+
+@pytest.mark.parametrize("small", [(0.5, 40), (0.1, 40), (1e-4, 5), (1e-2, 10)])
+def test_small_bodies_that_fill_gaps_or_have_one_each_get_no_term_of_their_own(small):
+    np.testing.assert_array_equal(beside((1.0, 10), small), [[1.0, 0.5], [0.5, 1.0]])
+
+
+def test_small_bodies_that_would_gather_between_large_ones_get_one():
+    charge = np.array([10.0, 0.2])
+    found = beside((1.0, 10), (1e-3, 200))
+    np.testing.assert_allclose(found[1, 1] * charge[1], 0.5 * (found[1] @ charge), err_msg="half of what they feel")
+    np.testing.assert_array_equal(found[0], [1.0, 0.5])
+    # Where each class is even by itself, none feels another; and small ones of two classes mix as these do.
+    np.testing.assert_array_equal(beside((1.0, 10), (1e-3, 200), alpha=0.0), np.eye(2))
+    three = beside((1.0, 10), (1e-3, 200), (1e-3, 200))
+    np.testing.assert_allclose(three[1, 2], 0.5 * three[1, 1])
+    assert three[1, 1] == three[2, 2] > 10.0 and (np.linalg.eigvalsh(three) > 0.0).all()
+
+
+def test_samples_of_classes_have_the_term_of_what_they_stand_for():
+    """Tiles are solved by the matrix of all bodies, which is that of a few of them."""
+    whole = beside((1.0, 10), (1e-3, 2000))
+    classes = [BodyClass("0", [Size("s", 1.0, 10)]), BodyClass("1", [Size("s", 1e-3, 20)])]
+    sample = Problem(Domain((100.0, 100.0)), classes, Balance(0.5, rare_emphasis=0.0))
+    np.testing.assert_allclose(group_bodies(sample, counts=[10, 2000]).matrix, whole)
