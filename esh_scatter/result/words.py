@@ -27,7 +27,7 @@ VERY_EVEN = 0.04
 EVEN = 0.15
 # Share of the objects from which on a crowded region is spoken of.
 LEAST_CROWDED = 0.01
-# What the sentence on areas that differ by much has in it.
+# What the sentence has in it which says that a coverage error tells of nothing but how large some objects are.
 COARSE = "counts as uneven"
 # A space at which no line is broken.
 UNBROKEN = "\u00a0"
@@ -43,14 +43,17 @@ def evenness_word(error: float) -> str:
 
 
 def evenness(report: dict[str, Any]) -> str:
-    """Return how even a placement is, and where it is not: "uneven: Pine"; empty for a handful of bodies.
+    """Return how even a placement is, and where it is not: "uneven: Pine"; empty for a handful of bodies, and where no figure tells.
 
     Classes that mix are even together and not each alone, classes that do not are even alone; the better of the two counts.
     """
     if placed(report) < FEWEST:
         return ""
+    coarse = any(COARSE in note for note in report["notes"])
     alone = max(entry["coverage_error"] for entry in report["classes"])
     word = evenness_word(min(report["coverage_error"], alone))
+    if word == "uneven" and coarse:
+        return ""
     if word != "uneven" or len(report["classes"]) == 1:
         return word
     uneven = [entry["name"] for entry in report["classes"] if entry["coverage_error"] > EVEN]
@@ -92,15 +95,14 @@ def notes(report: dict[str, Any], *, foreseen: bool = False) -> list[str]:
 
     Where it is ``foreseen`` how much ground footprints take, and said below the button, that is not said again.
     """
-    # How many overlap, and how deep, has a line of its own.
-    found = [_in_blender(note) for note in report["notes"] if "still overlap" not in note]
+    # How many overlap, and how deep, has a line of its own; and no coverage errors are shown that would have to be explained.
+    told = [note for note in report["notes"] if "still overlap" not in note and COARSE not in note]
+    found = [_in_blender(note) for note in told]
     if foreseen:
         found = [note for note in found if not note.startswith("the footprints cover ")]
     # Where many overlap there is no room to be even in.
     crowded = report["overlaps"] > LEAST_CROWDED * placed(report)
-    # What comes of areas that differ by much stays, however many steps there are.
-    unequal = any(COARSE in note for note in report["notes"])
-    if not (report["converged"] or crowded or unequal) and evenness(report).startswith("uneven"):
+    if not report["converged"] and not crowded and evenness(report).startswith("uneven"):
         found.append("more steps would make it more even (Advanced)")
     return [note[:1].upper() + note[1:] for note in found]
 
@@ -108,7 +110,6 @@ def notes(report: dict[str, Any], *, foreseen: bool = False) -> list[str]:
 def _in_blender(note: str) -> str:
     """Return a sentence of a report in the words of the sidebar."""
     note = note.replace("`", "").replace("fixed bodies", "pinned objects").replace("fixed body", "pinned object")
-    note = note.replace("coverage errors look", "evenness looks")
     return note.replace("1 body ", "1 object ").replace(" bodies ", " objects ")
 
 
