@@ -66,8 +66,7 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     overlaps = overlaps_of(placement, launcher, footprints, bodies.position)
     notes = [note for c in problem.classes for note in c.notes]
     notes += notes_on_areas(area, class_index, errors) + _notes_on_overlaps(problem, overlaps, covered)
-    misplaced = out_of_place(placement, launcher, footprints)
-    notes += _notes_on_places(problem, misplaced)
+    notes += _notes_on_places(problem, misplaced := out_of_place(placement, launcher, footprints))
     of_fixed = Overlaps(0)
     if problem.avoid_overlap and np.count_nonzero(placement.fixed) > 1:
         of_fixed = overlaps_of_fixed(placement, launcher, footprints)
