@@ -22,7 +22,6 @@ import warp as wp
 
 from ..device.extremes import extremes
 from ..device.launcher import Launcher
-from ..problem.of_bodies import is_same
 from ..space.mesh_layout import MeshLayout
 from ..space.target_deposit import deposit_images, mix_images
 from . import kernels_blur
@@ -142,7 +141,7 @@ class Blur:
             self._follow_density(deposited, number, spacing, usual, bounds)
             low, high = extremes(launcher, self.variance)
         # What is the same of all need not be gone through.
-        each = charge[:1] if is_same(charge) else charge
+        each = charge[:1] if charge.strides == (0,) else charge
         share = np.clip(each, LEAST_OF_SMALL, 1.0)
         # What of its place's variance the target has: that of the charges which are to make it up.
         self._of_target = float((each * share).sum() / each.sum())
