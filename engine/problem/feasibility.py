@@ -40,9 +40,9 @@ def check_feasible(problem: Problem) -> None:
 def check_known_on_surfaces(classes: Sequence[PreparedClass], obstacles: Sequence[Obstacle]) -> None:
     """Raise ProblemError for what there is in rectangles only."""
     for obstacle in obstacles:
-        if obstacle.ball is None:
+        if obstacle.ball is None and obstacle.position is None:
             raise ProblemError(
-                "`obstacles` on a surface must be balls; a polygon, a disc or an image must lie in a rectangle"
+                "`obstacles` on a surface must be balls, or polygons and discs with a `position`; an image must lie in a rectangle"
             )
     for c in classes:
         if c.clustering > 0.0:
@@ -66,6 +66,8 @@ def check_known_in_rectangles(classes: Sequence[PreparedClass], obstacles: Seque
     """Raise ProblemError for what there is on surfaces only."""
     if any(obstacle.ball is not None for obstacle in obstacles):
         raise ProblemError("`obstacles` in a rectangle must be polygons, discs or images; a ball needs a Surface")
+    if any(obstacle.position is not None for obstacle in obstacles):
+        raise ProblemError("`obstacles` in a rectangle must lie where their corners are; a `position` needs a Surface")
     for c in classes:
         for size in c.sizes:
             direction = None if size.line is None else size.line.direction

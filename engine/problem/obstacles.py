@@ -20,7 +20,7 @@ from . import validation
 from .convex_polygon import convex_hull, enclosing_polygon
 from .domain import Domain
 from .footprint import MOST_CORNERS, Footprint
-from .settings import Settings, described, setting
+from .settings import Settings, described, setting, settle
 from .validation import show
 
 __all__ = ["Obstacle", "clearance", "distance_to", "mask_shape"]
@@ -59,6 +59,52 @@ def _check_ball(value: object, key: str) -> tuple[float, ...]:
     return _center_and_radius(value, key, "x, y, z")
 
 
+def _check_places(value: object, key: str) -> np.ndarray:
+    """Return one place or several, float64, shape ``[m, 3]``."""
+    vectors = _vectors(value, key, "x, y and z in meters, or a list of such places")
+    _check_near(float(np.abs(vectors).max()), key)
+    return vectors
+
+
+def _check_directions(value: object, key: str) -> np.ndarray:
+    """Return one direction or several, of length 1, float64, shape ``[m, 3]``."""
+    vectors = _vectors(value, key, "x, y and z of a direction, or a list of such")
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    if not (length > 0.0).all():
+        raise ProblemError(f"{key} must point somewhere; got {show(value)}")
+    return vectors / length
+
+
+def _vectors(value: object, key: str, accepted: str) -> np.ndarray:
+    try:
+        vectors = np.atleast_2d(validation.as_reals(value))
+    except validation.FOREIGN_ERRORS:
+        vectors = np.empty(0)
+    if vectors.ndim != 2 or vectors.shape[1:] != (3,) or not len(vectors) or not np.isfinite(vectors).all():
+        raise ProblemError(f"{key} must be {accepted}; got {show(value)}")
+    return vectors
+
+
+def _check_scale(value: object, key: str) -> np.ndarray:
+    try:
+        factors = np.atleast_1d(validation.as_reals(value))
+    except validation.FOREIGN_ERRORS:
+        factors = np.empty(0)
+    if factors.ndim != 1 or not len(factors) or not ((factors > 0.0) & np.isfinite(factors)).all():
+        raise ProblemError(f"{key} must be a number above 0, or a list of such; got {show(value)}")
+    return factors
+
+
+def _check_whole(value: object, key: str) -> np.ndarray:
+    try:
+        given = np.atleast_1d(np.asarray(value))
+    except validation.FOREIGN_ERRORS:
+        given = np.empty(0)
+    if given.ndim != 1 or not len(given) or given.dtype.kind not in "ui" or given.min() < -1:
+        raise ProblemError(f"{key} must be a whole number of 0 or more, or a list of such; got {show(value)}")
+    return given.astype(np.int64)
+
+
 def _center_and_radius(value: object, key: str, center: str) -> tuple[float, ...]:
     """Return the coordinates of a center, named as messages name them, and a radius above 0."""
     listed = isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim == 1)
@@ -95,7 +141,7 @@ def _check_image(value: object, key: str) -> np.ndarray:
 @described
 @dataclass(frozen=True, eq=False)
 class Obstacle(Settings):
-    """Something that bodies keep off: one of a polygon, a disc and an image, or of a surface a ball.
+    """Something that bodies keep off: one of a polygon, a disc and an image; of a surface a ball, or an outline that lies on it.
 
     Raises:
         ProblemError: None or several of the four, or a value that is none.
@@ -138,6 +184,52 @@ class Obstacle(Settings):
             check=_check_ball,
         ),
     )
+    position: np.ndarray | Sequence[float] | Sequence[Sequence[float]] | None = field(
+        default=None,
+        metadata=setting(
+            "On a surface, where the origin of the polygon or the disc lies, which lies along the surface there",
+            unit="m",
+            more="x, y and z, or several such places, shape ``[m, 3]``: the same outline in each. Those that are not on the surface "
+            "come to where that is nearest",
+            check=_check_places,
+        ),
+    )
+    normal: np.ndarray | Sequence[float] | Sequence[Sequence[float]] | None = field(
+        default=None,
+        metadata=setting(
+            "Where the surface looks to there: it says which side of a thin wall is meant",
+            more="Shape ``[3]`` or ``[m, 3]``; None: the nearest one",
+            check=_check_directions,
+        ),
+    )
+    tangent: np.ndarray | Sequence[float] | Sequence[Sequence[float]] | None = field(
+        default=None,
+        metadata=setting(
+            "Where the x axis of the polygon or the disc points there, along the surface",
+            more="Shape ``[3]`` or ``[m, 3]``; None: to where bodies of angle 0 point",
+            check=_check_directions,
+        ),
+    )
+    scale: float | Sequence[float] | np.ndarray = field(
+        default=1.0,
+        metadata=setting(
+            "Factor on the polygon or the disc there; the margin stays as it is",
+            more="One number, or one for every place",
+            check=_check_scale,
+        ),
+    )
+    mesh: int | Sequence[int] | np.ndarray = field(
+        default=0,
+        metadata=setting("Which mesh of the surface `triangle` is of", check=_check_whole),
+    )
+    triangle: int | Sequence[int] | np.ndarray | None = field(
+        default=None,
+        metadata=setting(
+            "Triangle of this mesh that a place is on, where it is known: it says exactly where that is",
+            more="One, or one for every place; None: the nearest one",
+            check=_check_whole,
+        ),
+    )
 
     def __post_init__(self) -> None:
         given = [name for name in ("polygon", "disc", "image", "ball") if getattr(self, name) is not None]
@@ -145,6 +237,31 @@ class Obstacle(Settings):
             got = " and ".join(f"`{name}`" for name in given) or "none of them"
             raise ProblemError(f"an obstacle must have one of `polygon`, `disc`, `image` and `ball`; got {got}")
         super().__post_init__()
+        self._check_lying()
+
+    def _check_lying(self) -> None:
+        """Bring what is said of places on a surface to one value for each."""
+        lying = {name: getattr(self, name) for name in ("normal", "tangent", "triangle")}
+        if self.position is None:
+            said = [name for name, value in lying.items() if value is not None]
+            if said:
+                raise ProblemError(f"{self._key(said[0])} must come with `position`; got no position")
+            settle(self, scale=float(np.asarray(self.scale)[0]), mesh=int(np.asarray(self.mesh)[0]))
+            if self.scale != 1.0:
+                raise ProblemError(f"{self._key('scale')} must come with `position`; got no position")
+            return
+        if self.polygon is None and self.disc is None:
+            raise ProblemError(f"{self._key('position')} must come with a `polygon` or a `disc`; got neither")
+        m = len(np.asarray(self.position))
+        for name, value in {**lying, "scale": self.scale, "mesh": self.mesh}.items():
+            if value is None:
+                continue
+            values = np.asarray(value)
+            if len(values) not in (1, m):
+                raise ProblemError(
+                    f"{self._key(name)} must be one, or one for each of {m} places; got {len(values)} of them"
+                )
+            settle(self, **{name: np.broadcast_to(values, (m, *values.shape[1:]))})
 
     def _key(self, name: str) -> str:
         return f"`obstacle.{name}`"
@@ -158,13 +275,17 @@ class Obstacle(Settings):
         if self.disc is not None:
             x, y, radius = self.disc
             return Footprint(np.array([[x, y]]), radius + self.margin)
+        return self._polygon_outline(self.margin)
+
+    def _polygon_outline(self, margin: float) -> Footprint | None:
+        """The polygon, and so much around it, where it is known to be convex."""
         if self.polygon is None:
             return None
         corners = np.asarray(self.polygon)
         area = _area(corners)
         try:
             if len(corners) <= MOST_CORNERS:
-                return Footprint(corners if area > 0.0 else corners[::-1], self.margin)
+                return Footprint(corners if area > 0.0 else corners[::-1], margin)
         except ProblemError:
             # Some of the corners may lie on edges.
             pass
@@ -172,7 +293,7 @@ class Obstacle(Settings):
         if len(hull) < 3 or _area(hull) - abs(area) > NOT_CONVEX * _area(hull):
             return None
         try:
-            return Footprint(enclosing_polygon(hull, MOST_CORNERS), self.margin)
+            return Footprint(enclosing_polygon(hull, MOST_CORNERS), margin)
         except ProblemError:
             # Too thin, or too large, for an outline.
             return None
@@ -180,13 +301,23 @@ class Obstacle(Settings):
     @cached_property
     def pieces(self) -> tuple[Footprint, ...]:
         """That ground in convex pieces, of many-cornered polygons trapezoids; none of images, balls, and what has no inside."""
-        if self.outline is not None and (self.polygon is None or len(self.polygon) <= MOST_CORNERS):
-            return (self.outline,)
+        return self._pieces(self.outline, self.margin)
+
+    @cached_property
+    def cores(self) -> tuple[Footprint, ...]:
+        """The same without the margin."""
+        if self.disc is not None:
+            return (Footprint(np.array([self.disc[:2]]), self.disc[2]),)
+        return self._pieces(self._polygon_outline(0.0), 0.0)
+
+    def _pieces(self, outline: Footprint | None, margin: float) -> tuple[Footprint, ...]:
+        if outline is not None and (self.polygon is None or len(self.polygon) <= MOST_CORNERS):
+            return (outline,)
         found = []
         for corners in () if self.polygon is None else _slabs(np.asarray(self.polygon)):
             # Those without an inside take no ground.
             with contextlib.suppress(ProblemError):
-                found.append(Footprint.polygon(corners, self.margin))
+                found.append(Footprint.polygon(corners, margin))
         return tuple(found)
 
 

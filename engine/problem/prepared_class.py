@@ -19,6 +19,7 @@ from .density_correction import correct_density
 from .domain import Domain
 from .image_filters import unsharp_mask
 from .obstacles import PIXELS_PER_SPACING, Obstacle, clearance, mask_shape
+from .outlines_on_surface import OutlinesOnSurface
 from .packing import packable_share, scale_to_fit, share_inside
 from .settings import values_of
 from .size import Size
@@ -71,6 +72,8 @@ class PreparedClass(PlacingSettings):
         asked: What it was made from; None where more than that went into it, such as the slopes of a surface.
         share: What a count of ``"cover"`` means of what the density adds up to; below 1 where several such classes share the ground.
         most: Largest density that is followed on a surface, where it is a share of the ground to cover.
+        outlines: Obstacles that are outlines on the surface; None where there are none.
+        edge: How wide the density's edge at these is [m].
         base: The class before its density got clumps, obstacles were cut out of it and fixed bodies added to its counts; None if
             it is that.
     """
@@ -83,6 +86,8 @@ class PreparedClass(PlacingSettings):
     base: PreparedClass | None = None
     share: float = 1.0
     most: float = math.inf
+    outlines: OutlinesOnSurface | None = None
+    edge: float = 0.0
 
     def _key(self, name: str) -> str:
         return f'`{name}` of class "{self.name}"'
@@ -94,11 +99,21 @@ class PreparedClass(PlacingSettings):
 
     @property
     def varies_on_surface(self) -> bool:
-        """Whether the density is a function of points of a surface."""
+        """Whether the density is not the same at all points of a surface."""
+        return self.outlines is not None or self.varies_beside_outlines
+
+    @property
+    def varies_beside_outlines(self) -> bool:
+        """Whether it would not be without the obstacles that are outlines on it."""
         return self.asked is not None and callable(self.asked.density)
 
     def density_on(self, points: PointsOnSurface) -> np.ndarray:
         """The density that bodies follow at points of a surface, shape ``[n]``, float64."""
+        density = self.density_beside_outlines(points)
+        return density if self.outlines is None else density * self.outlines.free(points, self.edge)
+
+    def density_beside_outlines(self, points: PointsOnSurface) -> np.ndarray:
+        """The same without the obstacles that are outlines."""
         if self.asked is None or not callable(self.asked.density):
             return np.full(len(points.triangle), float(self.density_image[0, 0]))
         return np.minimum(density_on(self.asked, points), self.most)
@@ -265,8 +280,10 @@ def cut_out(
     return replace(body_class, density_image=fine, sizes=sizes)
 
 
-def cut_out_on_surface(body_class: PreparedClass, surface: Surface, obstacles: Sequence[Obstacle]) -> PreparedClass:
-    """Return a class whose density on a surface is 0 within the balls of obstacles.
+def cut_out_on_surface(
+    body_class: PreparedClass, surface: Surface, obstacles: Sequence[Obstacle], outlines: OutlinesOnSurface
+) -> PreparedClass:
+    """Return a class whose density on a surface is 0 within the balls of obstacles, and within those that are outlines on it.
 
     Raises:
         ProblemError: Nothing of the density is left, or too little for a count of ``"cover"``.
@@ -288,12 +305,18 @@ def cut_out_on_surface(body_class: PreparedClass, surface: Surface, obstacles: S
 
     # What was corrected or sharpened is so already.
     asked = replace(body_class.asked, density=left, density_correction=False, unsharp=None)
-    mean = float(left(surface.sample()).mean())
+    cut = replace(
+        body_class,
+        asked=asked if len(balls) else body_class.asked,
+        outlines=outlines if len(outlines) else None,
+        edge=edge,
+    )
+    mean = float(cut.density_on(surface.sample()).mean())
     if mean <= 0.0:
         raise ProblemError(
             f'`obstacles` must leave some ground where the density of class "{body_class.name}" is above 0'
         )
-    return replace(body_class, asked=asked, sizes=count_sizes(asked, mean * surface.area))
+    return replace(cut, sizes=count_sizes(asked, mean * surface.area))
 
 
 def _to_cover(body_class: PreparedClass, domain: Domain | Surface) -> tuple[BodyClass, float, float, float]:

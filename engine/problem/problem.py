@@ -12,6 +12,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from .feasibility import check_feasible, check_known_in_rectangles, check_known_
 from .fixed_bodies import FixedBodies, FixedBody, FixedTable, fixed_table
 from .obstacles import Obstacle
 from .of_bodies import of_bodies
+from .outlines_on_surface import OutlinesOnSurface, outlines_on_surface
 from .prepared_class import PreparedClass, beside_counted, beside_fixed, cut_out, cut_out_on_surface, prepare_all
 from .settings import Settings, described, setting, settle, takes, values_of, with_changes
 from .size import with_count
@@ -130,8 +132,10 @@ class Problem(ProblemSettings):
         prepared = bases
         if isinstance(domain, Surface):
             check_known_on_surfaces(bases, obstacles)
+            outlines = outlines_on_surface(domain, obstacles)
+            settle(self, outlines_on_surface=outlines)
             if obstacles:
-                prepared = tuple(cut_out_on_surface(c, domain, obstacles) for c in bases)
+                prepared = tuple(cut_out_on_surface(c, domain, obstacles, outlines) for c in bases)
         else:
             check_known_in_rectangles(bases, obstacles)
             prepared = tuple(
@@ -150,6 +154,12 @@ class Problem(ProblemSettings):
         if self.body_count == len(self.fixed.id):
             raise ProblemError("a problem must have at least one body to place; all of them are fixed")
         check_feasible(self)
+
+    @cached_property
+    def outlines_on_surface(self) -> OutlinesOnSurface:
+        """Obstacles that are outlines on the surface, of a problem that lies on one."""
+        assert isinstance(self.domain, Surface)
+        return outlines_on_surface(self.domain, self.obstacles)
 
     def _beside_counted(self, classes: tuple[PreparedClass, ...]) -> tuple[PreparedClass, ...]:
         """Classes of which those that are to cover the ground, without overlap, leave room for those whose counts are given."""

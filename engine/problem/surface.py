@@ -245,6 +245,13 @@ class Surface:
 
     def sample(self, count: int = SAMPLES) -> PointsOnSurface:
         """Points that stand for equal areas, spread over the surface; the same ones every time."""
+        return self._sample if count == SAMPLES else self._sampled(count)
+
+    @cached_property
+    def _sample(self) -> PointsOnSurface:
+        return self._sampled(SAMPLES)
+
+    def _sampled(self, count: int) -> PointsOnSurface:
         share = np.cumsum(self.triangle_area)
         along = (np.arange(count) + 0.5) / count * share[-1]
         triangle = np.minimum(np.searchsorted(share, along), len(share) - 1)

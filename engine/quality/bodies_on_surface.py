@@ -12,7 +12,7 @@ from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface
 from . import kernels_sheets
 
-__all__ = ["BodiesOnSurface", "bodies_on_surface"]
+__all__ = ["BodiesOnSurface", "bodies_at", "bodies_on_surface"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,15 +51,30 @@ def bodies_on_surface(placement: Placement, launcher: Launcher) -> BodiesOnSurfa
     assert placement.mesh is not None and placement.triangle is not None and placement.barycentric is not None
     assert placement.normal is not None and placement.tangent is not None
     points = surface.locate(placement.mesh, placement.triangle, placement.barycentric)
+    return bodies_at(points, placement.position, placement.normal, placement.tangent, launcher)
+
+
+def bodies_at(
+    points: PointsOnSurface, position: np.ndarray, normal: np.ndarray, tangent: np.ndarray, launcher: Launcher
+) -> BodiesOnSurface:
+    """Bring bodies to a device.
+
+    Args:
+        points: Where they are.
+        position: The same [m], shape ``[n, 3]``.
+        normal: Where their triangles look to, shape ``[n, 3]``.
+        tangent: Their x axes along these, shape ``[n, 3]``.
+        launcher: Where to.
+    """
 
     def vectors(values: np.ndarray) -> wp.array:
         return launcher.array(np.asarray(values, np.float64), wp.vec3d)
 
     return BodiesOnSurface(
         points,
-        vectors(placement.position),
-        vectors(placement.normal),
-        vectors(placement.tangent),
+        vectors(position),
+        vectors(normal),
+        vectors(tangent),
         launcher.array(points.triangle.astype(np.int32), wp.int32),
         vectors(points.barycentric),
     )

@@ -27,6 +27,7 @@ from .out_of_place import OutOfPlace, out_of_place
 from .overlaps import Overlaps, overlaps_of, overlaps_of_fixed
 from .spacing import Spacing, measure_spacing
 from .surface_measurement import measure_on_surface
+from .surface_out_of_place import out_of_place_on_surface
 from .unequal_areas import notes_on_areas
 
 __all__ = ["measure"]
@@ -111,6 +112,10 @@ def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:
     notes += notes_on_areas(placement.area, placement.class_index, found.errors)
     overlaps = found.overlaps
     notes += _notes_on_overlaps(placement.problem, overlaps, found.covered)
+    misplaced = out_of_place_on_surface(placement, launcher)
+    notes += _notes_on_places(placement.problem, misplaced)
+    if placement.fixed.any():
+        notes += _notes_on_fixed_places(out_of_place_on_surface(placement, launcher, fixed=True))
     return Report(
         steps=0,
         converged=False,
@@ -125,6 +130,8 @@ def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:
         deepest_pair=overlaps.pair,
         deepest_place=overlaps.place,
         overlapping=overlaps.bodies,
+        in_obstacles=misplaced.in_obstacles,
+        deepest_in_obstacle=misplaced.deepest,
         covered=found.covered,
         classes=_class_reports(placement, found.errors),
         notes=tuple(notes),

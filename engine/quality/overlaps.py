@@ -14,7 +14,6 @@ from ..problem.domain import Domain
 from ..problem.of_bodies import of_all, one_by_one
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
-from ..problem.surface import Surface
 from ..space.cell_sort import CellSort
 from ..space.meeting import meeting_of
 from ..space.space import Space
@@ -32,6 +31,7 @@ __all__ = [
     "overlaps_from",
     "overlaps_of",
     "overlaps_of_fixed",
+    "overlaps_on_sheets",
 ]
 
 # Outlines that touch do not overlap: this share of the narrower one's width is not seen.
@@ -225,32 +225,56 @@ def find_overlaps_on_surface(placement: Placement, bodies: BodiesOnSurface, laun
         bodies: Its bodies, on the device.
         launcher: Where to run.
     """
-    n, surface = len(placement.position), placement.problem.domain
-    if n == 0:
-        return Overlaps(0)
-    assert isinstance(surface, Surface)
-    footprints = footprints_of_placement(placement)
-    sheets = _sheets(bodies, launcher)
-    bends = placement.bends
-    if bends is not None:
-        bends = _laid_flat(bends, placement.position, sheets.normal.numpy(), sheets.along.numpy())
-    pieces = 0 if bends is None else bends.shape[1] - 1
-    most_corners = max([2, 2 * pieces, *(len(outline.corners) for outline in footprints.shapes)])
-    shapes = laid_out(
-        footprints,
-        launcher.zeros(n, wp.vec2d),
-        of_all(0.0, n),
+    return overlaps_on_sheets(
+        bodies,
+        footprints_of_placement(placement),
         placement.length,
         placement.width,
-        np.minimum(footprints.room, 1.0),
-        None,
-        bent_lines(footprints, np.zeros((n, 2)), bends),
         launcher,
-        spare_corners=n * most_corners,
+        fixed=placement.fixed,
+        bends=placement.bends,
+        apart=placement.problem.balance.classes_apart,
+        class_index=placement.class_index,
     )
-    stays = placement.fixed.astype(np.int32) if placement.fixed.any() else of_all(np.int32(0), n)
-    shapes.fixed = launcher.alike(stays, wp.int32)
-    shapes.meeting = meeting_of(launcher, placement.class_index, placement.problem.balance.classes_apart)
+
+
+def overlaps_on_sheets(
+    bodies: BodiesOnSurface,
+    footprints: BodyFootprints,
+    length: np.ndarray,
+    width: np.ndarray,
+    launcher: Launcher,
+    *,
+    fixed: np.ndarray,
+    bends: np.ndarray | None,
+    apart: np.ndarray | None,
+    class_index: np.ndarray,
+    margin: np.ndarray | None = None,
+) -> Overlaps:
+    """Return what overlaps of outlines on a surface; see :func:`find_overlaps_on_surface`, and :func:`find_overlaps` for the rest.
+
+    Args:
+        bodies: Where they are, on the device.
+        footprints: What they are.
+        length: Lengths of the axes of lines [m], shape ``[n]``.
+        width: Thicknesses of lines [m], shape ``[n]``.
+        launcher: Where to run.
+        fixed: Whether each is fixed, shape ``[n]``; pairs of such do not count.
+        bends: Points along lines that bend [m].
+        apart: Which classes keep apart; None where all do.
+        class_index: Of each, shape ``[n]``.
+        margin: What lies around the outlines [m], shape ``[n]``; None for nothing.
+    """
+    n, surface = len(length), bodies.points.surface
+    if n == 0:
+        return Overlaps(0)
+    sheets, place = _sheets(bodies, launcher), bodies.position.numpy()
+    bends = None if bends is None else _laid_flat(bends, place, sheets.normal.numpy(), sheets.along.numpy())
+    pieces = 0 if bends is None else bends.shape[1] - 1
+    most_corners = max([2, 2 * pieces, *(len(outline.corners) for outline in footprints.shapes)])
+    shapes = _laid_on_sheets(footprints, length, width, bends, margin, n * most_corners, launcher)
+    shapes.fixed = launcher.alike(fixed.astype(np.int32) if fixed.any() else of_all(np.int32(0), n), wp.int32)
+    shapes.meeting = meeting_of(launcher, class_index, apart)
     unit = _largest_reach(shapes, launcher)
     # Only cells are in units.
     in_units = bodies.in_units(launcher, unit)
@@ -280,8 +304,36 @@ def find_overlaps_on_surface(placement: Placement, bodies: BodiesOnSurface, laun
     depth = deepest.numpy()
     one = int(np.argmax(depth))
     other = int(partner.numpy()[one])
-    between = 0.5 * (placement.position[one] + placement.position[other])
-    return overlaps_from(found.numpy(), depth, (one, other), between)
+    return overlaps_from(found.numpy(), depth, (one, other), 0.5 * (place[one] + place[other]))
+
+
+def _laid_on_sheets(
+    footprints: BodyFootprints,
+    length: np.ndarray,
+    width: np.ndarray,
+    bends: np.ndarray | None,
+    margin: np.ndarray | None,
+    spare_corners: int,
+    launcher: Launcher,
+) -> kernels_overlaps.Shapes:
+    """Outlines as they lie in planes of their own, with so much around each [m]."""
+    n = len(length)
+    shapes = laid_out(
+        footprints,
+        launcher.zeros(n, wp.vec2d),
+        of_all(0.0, n),
+        length,
+        width,
+        np.minimum(footprints.room, 1.0),
+        None,
+        bent_lines(footprints, np.zeros((n, 2)), bends),
+        launcher,
+        spare_corners=spare_corners,
+    )
+    if margin is not None:
+        for values, more in ((shapes.rounding, margin), (shapes.reach, margin), (shapes.width, 2.0 * margin)):
+            values.assign(values.numpy() + more)
+    return shapes
 
 
 def _sheets(bodies: BodiesOnSurface, launcher: Launcher) -> kernels_sheets.Sheets:

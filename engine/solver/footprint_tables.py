@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..problem.body_footprints import CAPSULE, BodyFootprints
-from .standing_outlines import StandingOutlines
+from ..problem.footprint import Footprint
 
 __all__ = ["FootprintTables", "footprint_tables", "numbered", "ranked"]
 
@@ -39,12 +39,33 @@ class FootprintTables:
     area: np.ndarray
     inertia: np.ndarray
 
-    def followed_by(self, standing: StandingOutlines) -> FootprintTables:
-        """The same with what stands among the bodies behind them, as it is. Nothing turns it: its inertia is 1."""
-        if not len(standing):
+    def followed_by(
+        self,
+        outlines: Sequence[Footprint],
+        seen_from: np.ndarray,
+        shape: np.ndarray,
+        scale: np.ndarray,
+        margin: np.ndarray,
+    ) -> FootprintTables:
+        """The same with what stands among the bodies behind them, as it is. Nothing turns it: its inertia is 1.
+
+        Args:
+            outlines: The outlines that there are.
+            seen_from: Where of each the position of what stands there is [m], shape ``[outlines, 2]``.
+            shape: Which of them each has that stands there, shape ``[m]``.
+            scale: Factor on it, shape ``[m]``.
+            margin: What lies around it then [m], shape ``[m]``.
+        """
+        if not len(shape):
             return self
-        cores, outlines = standing.cores, standing.outlines
-        first = self.start[-1] + np.cumsum([len(core) for core in cores])
+        first = self.start[-1] + np.cumsum([len(outline.corners) for outline in outlines])
+        cores = [outline.corners - place for outline, place in zip(outlines, seen_from, strict=True)]
+        own = [
+            (o.rounding, o.width, np.hypot(*c.T).max() + o.rounding, o.area)
+            for c, o in zip(cores, outlines, strict=True)
+        ]
+        rounding, width, reach, area = np.array(own).T[:, shape] * scale
+        around = np.pi * margin**2 + 2.0 * margin * reach
 
         def behind(values: np.ndarray, others: Sequence[float] | np.ndarray) -> np.ndarray:
             return np.concatenate([values, others])
@@ -53,13 +74,13 @@ class FootprintTables:
             self,
             corners=np.concatenate([self.corners, *(np.hstack([core, _normals(core)]) for core in cores)]),
             start=behind(self.start, first).astype(np.int32),
-            shape=behind(self.shape, len(self.start) - 1 + np.arange(len(cores), dtype=np.int32)),
-            factor=behind(self.factor, np.ones(len(cores))),
-            rounding=behind(self.rounding, [o.rounding for o in outlines]),
-            reach=behind(self.reach, [np.hypot(*c.T).max() + o.rounding for c, o in zip(cores, outlines, strict=True)]),
-            width=behind(self.width, [o.width for o in outlines]),
-            area=behind(self.area, [o.area for o in outlines]),
-            inertia=behind(self.inertia, np.ones(len(cores))),
+            shape=behind(self.shape, len(self.start) - 1 + shape.astype(np.int32)),
+            factor=behind(self.factor, scale),
+            rounding=behind(self.rounding, rounding + margin),
+            reach=behind(self.reach, reach + margin),
+            width=behind(self.width, width + 2.0 * margin),
+            area=behind(self.area, area * scale + around),
+            inertia=behind(self.inertia, np.ones(len(shape))),
         )
 
 

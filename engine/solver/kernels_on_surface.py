@@ -21,8 +21,12 @@ from ..surface.kernels_facets import (
 )
 from .kernels_descent import PINNED, Bodies, squared_residual
 from .kernels_direction import Sums, add_all
+from .kernels_obstacles import OutlinesOnGround, inside_outlines
 
 wp.set_module_options({"enable_backward": False})
+
+# By this share of its depth a body must be less deep in an obstacle than before, and so much farther it goes than to the edge.
+LESS_DEEP = wp.constant(0.01)
 
 
 @wp.struct
@@ -31,7 +35,7 @@ class Ground:
 
     Facets; the home node of every tile; on which tiles bodies of a class may be, class after class; and for every node how far bodies
     may move in a step and, group after group, the inverse of the energy's curvature. Balls that bodies keep out of, center and radius,
-    and by how much more every body does.
+    and obstacles that are outlines; and by how much more every body keeps off balls, and off outlines.
     """
 
     facets: Facets
@@ -43,7 +47,8 @@ class Ground:
     step_length: wp.array(dtype=float)
     ball_count: wp.int32
     balls: wp.array(dtype=wp.vec4)
-    clear: wp.array(dtype=float)
+    clear: wp.array(dtype=wp.vec2)
+    outlines: OutlinesOnGround
 
 
 @wp.struct
@@ -137,19 +142,63 @@ def may_be(spot: Spot, class_index: int, clear: float, ground: Ground):
 
 @wp.func
 def walk(facet: int, weight: wp.vec2, way: wp.vec3, body: int, class_index: int, ground: Ground):
-    """Where a body ends that goes ``way``: it stays on its sheet, where its class may be, and out of balls, along which it slides."""
+    """Where a body ends that goes ``way``: it stays on its sheet, where its class may be, and slides along obstacles."""
     clear = float(0.0)
     onwards = way
     if ground.ball_count > 0:
-        clear = ground.clear[body]
+        clear = ground.clear[body][0]
         start = spot_at(facet, weight, ground.facets)
         onwards = tangential(along_balls(way, start.position, clear, ground), ground.facets.normal[facet])
     new = step_along(facet, weight, onwards, ground.facets)
+    if ground.outlines.count > 0:
+        return beside_outlines(new, facet, weight, onwards, body, class_index, clear, ground)
     if not may_be(new, class_index, clear, ground):
         new = step_along(facet, weight, SHORTER * onwards, ground.facets)
         if not may_be(new, class_index, clear, ground):
             new = spot_at(facet, weight, ground.facets)
     return new
+
+
+@wp.func
+def beside_outlines(
+    wanted: Spot,
+    facet: int,
+    weight: wp.vec2,
+    way: wp.vec3,
+    body: int,
+    class_index: int,
+    clear: float,
+    ground: Ground,
+):
+    """Where a body ends that wants to be somewhere: out of outlines, or less deep in them than it was."""
+    facets = ground.facets
+    room = ground.clear[body][1]
+    here = spot_at(facet, weight, facets)
+    inside = inside_outlines(wanted, room, facets, ground.outlines)
+    free = may_be(wanted, class_index, clear, ground)
+    if free and inside.depth <= 0.0:
+        return wanted
+    # Whoever is in one already, as where an obstacle has come, may go where it is less so.
+    stuck = inside_outlines(here, room, facets, ground.outlines)
+    most = wp.max((1.0 - LESS_DEEP) * stuck.depth, 0.0)
+    result = here
+    found = bool(False)
+    for attempt in range(4):
+        if not found:
+            onwards = way
+            if attempt == 1:
+                # Along the outline.
+                onwards = way + (1.0 + LESS_DEEP) * inside.depth * inside.out
+            elif attempt == 2:
+                onwards = SHORTER * way
+            elif attempt == 3:
+                onwards = (1.0 + LESS_DEEP) * stuck.depth * stuck.out
+            new = step_along(facet, weight, tangential(onwards, facets.normal[facet]), facets)
+            if may_be(new, class_index, clear, ground):
+                if inside_outlines(new, room, facets, ground.outlines).depth <= most:
+                    result = new
+                    found = True
+    return result
 
 
 @wp.kernel

@@ -7,7 +7,7 @@ import warp as wp
 from ..cascade.kernels_points import cell_at
 from ..space.kernels_meeting import keep_apart
 from .kernels_bends import share_of_gap
-from .kernels_surface_contact import cell_of_block, slot_of_level
+from .kernels_lying import cell_of_block, slot_of_level
 from .kernels_surface_separation import Standing, SurfaceCrowd, copy_corners, glance_at, in_cell, standing_of
 from .kernels_touch import Core, core_of, touch_between
 
@@ -66,9 +66,9 @@ def find_room_on_surface(
         here = standing_of(i, crowd)
         at = here.position
         for m in range(crowd.level_count):
-            reach = crowd.outlines.reach[i] + widest[i] + crowd.level_reach[m] + widest_of_all
-            low = cell_at(at - wp.vec3(reach, reach, reach), crowd.inverse_cell[m])
-            counts = cell_at(at + wp.vec3(reach, reach, reach), crowd.inverse_cell[m]) - low + wp.vec3i(1, 1, 1)
+            reach = crowd.outlines.reach[i] + widest[i] + crowd.level_size[m][0] + widest_of_all
+            low = cell_at(at - wp.vec3(reach, reach, reach), crowd.level_size[m][1])
+            counts = cell_at(at + wp.vec3(reach, reach, reach), crowd.level_size[m][1]) - low + wp.vec3i(1, 1, 1)
             for number in range(counts[0] * counts[1] * counts[2]):
                 left = room_in_cell(left, i, here, low + cell_of_block(number, counts), m, widest, crowd)
     room[i] = left

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..cascade.kernels_points import cell_at, same_cell, slot_of
+from ..cascade.kernels_points import cell_at, same_cell
 from ..space.kernels_meeting import Meeting, keep_apart
 from ..surface.kernels_facets import carried, spot_at, tangential
 from .kernels_contact import Capsule, Push, capsule, push_between, scale_of_pushes
 from .kernels_descent import PINNED, Bodies
+from .kernels_lying import Slots, cell_of_block, in_plane, slot_of_level
 from .kernels_on_surface import Ground, Motion, Poses, remembered, walk
 
 wp.set_module_options({"enable_backward": False})
@@ -33,16 +34,6 @@ class Footprints:
 
 
 @wp.struct
-class Slots:
-    """Bodies in the order of the slots of their cells: their numbers, where each slot begins, and where they were when sorted."""
-
-    order: wp.array(dtype=wp.int32)
-    start: wp.array(dtype=wp.int32)
-    sorted_at: wp.array(dtype=wp.vec3)
-    mask: wp.int32
-
-
-@wp.struct
 class Pushes:
     """What every body is to do: a shift and a turn; and how many push it, and how many of these overlap it."""
 
@@ -60,11 +51,6 @@ class Total:
     turn: float
     count: float
     overlaps: wp.int32
-
-
-@wp.func
-def slot_of_level(cell: wp.vec3i, level: int, mask: int):
-    return slot_of(wp.vec3i(cell[0] + 7919 * level, cell[1], cell[2]), mask)
 
 
 @wp.kernel
@@ -96,17 +82,6 @@ def keep_positions(
 ):
     i = first + wp.tid()
     kept[i] = position[i]
-
-
-@wp.func
-def in_plane(vector: wp.vec3, along: wp.vec3, beside: wp.vec3):
-    return wp.vec2(wp.dot(vector, along), wp.dot(vector, beside))
-
-
-@wp.func
-def cell_of_block(number: int, counts: wp.vec3i):
-    """Where in a block of so many cells along x, y and z one of them lies, counted along z first."""
-    return wp.vec3i(number / (counts[1] * counts[2]), number / counts[2] % counts[1], number % counts[2])
 
 
 @wp.struct

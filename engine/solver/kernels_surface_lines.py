@@ -123,7 +123,7 @@ def line_fits(
     """Whether all charges of a line are where its class may be."""
     clear = float(0.0)
     if ground.ball_count > 0:
-        clear = ground.clear[i]
+        clear = ground.clear[i][0]
     fits = bool(True)
     for j in range(bodies.first_charge[i], bodies.first_charge[i + 1]):
         way = way_along(facet, axis, bodies.axial[j], bend[j], ground.facets)

@@ -6,28 +6,22 @@ them, and then all is as in a rectangle.
 
 from __future__ import annotations
 
-import math
-
 import warp as wp
 
 from ..cascade.kernels_points import cell_at, same_cell
 from ..space.kernels_meeting import Meeting, keep_apart
 from ..surface.kernels_facets import carried, smooth_normal, spot_at, tangential
 from .kernels_descent import Bodies
-from .kernels_on_surface import Ground, walk
+from .kernels_lying import Slots, cell_of_block, flat_way, in_plane, on_one_sheet, slot_of_level
+from .kernels_on_surface import Ground, may_be, walk
 from .kernels_outlines import Outlines, apart
 from .kernels_pairs import Pairs
 from .kernels_separation import PULL, SLACK, Asked, asked_by_contact, limited, move_of, overlaps_of_pairs
-from .kernels_surface_contact import Slots, cell_of_block, in_plane, slot_of_level
 from .kernels_surface_lines import Lying, allowed
 from .kernels_touch import Core, core_of, touch_between
-from .kernels_trials import Bins
+from .kernels_trials import PINNED_COST, TOLERABLE, Bins
 
 wp.set_module_options({"enable_backward": False})
-
-# Bodies on one sheet see each other along it. Where the way between them leaves the two planes by this much more [rad] than these are
-# turned, they lie on two sheets, one above the other.
-STEEPER = wp.constant(math.pi / 3.0)
 
 
 @wp.struct
@@ -55,8 +49,7 @@ class SurfaceCrowd:
     meeting: Meeting
     level_count: wp.int32
     level: wp.array(dtype=wp.int32)
-    level_reach: wp.array(dtype=float)
-    inverse_cell: wp.array(dtype=float)
+    level_size: wp.array(dtype=wp.vec2)
     slots: Slots
 
 
@@ -118,19 +111,6 @@ def angle_between(one: wp.vec3, other: wp.vec3, normal: wp.vec3):
 
 
 @wp.func
-def on_one_sheet(way: wp.vec3, distance: float, normal: wp.vec3, other: wp.vec3):
-    """Whether what lies at a way from here lies on the sheet of the surface that is here; normals here and there."""
-    cosine = wp.dot(normal, other)
-    if cosine <= 0.0:
-        return False
-    if distance == 0.0:
-        return True
-    leaves = wp.asin(wp.min(wp.abs(wp.dot(way, normal)) / distance, 1.0))
-    leaves += wp.asin(wp.min(wp.abs(wp.dot(way, other)) / distance, 1.0))
-    return leaves <= wp.acos(wp.min(cosine, 1.0)) + STEEPER
-
-
-@wp.func
 def glance_at(here: Standing, j: int, crowd: SurfaceCrowd):
     """How a body that stands somewhere sees body j."""
     seen = Glance()
@@ -143,12 +123,8 @@ def glance_at(here: Standing, j: int, crowd: SurfaceCrowd):
     if facets.label[here.facet] != facets.label[there] or not on_one_sheet(way, distance, normal, other):
         return seen
     seen.met = 1
-    # Into the plane between the two, as far off as they are, and with that into the plane here.
-    between = wp.normalize(normal + other)
-    flat = tangential(way, between)
-    flat = flat * (distance / wp.max(wp.length(flat), 1.0e-12))
     beside = wp.cross(normal, here.along)
-    seen.way = in_plane(carried(flat, between, normal), here.along, beside)
+    seen.way = in_plane(flat_way(way, distance, normal, other), here.along, beside)
     seen.turned = wp.normalize(in_plane(carried(crowd.along[j], other, normal), here.along, beside))
     return seen
 
@@ -179,7 +155,7 @@ def crowd_slots(
 ):
     i = first + wp.tid()
     m = crowd.level[i]
-    key[i] = slot_of_level(cell_at(crowd.position[i], crowd.inverse_cell[m]), m, crowd.slots.mask)
+    key[i] = slot_of_level(cell_at(crowd.position[i], crowd.level_size[m][1]), m, crowd.slots.mask)
     order[i] = i
 
 
@@ -202,7 +178,7 @@ def begin_list_on_surface(
 @wp.func
 def in_cell(j: int, cell: wp.vec3i, m: int, crowd: SurfaceCrowd):
     """Whether body j was sorted into a cell of a level: others may share its slot."""
-    return crowd.level[j] == m and same_cell(cell_at(crowd.slots.sorted_at[j], crowd.inverse_cell[m]), cell)
+    return crowd.level[j] == m and same_cell(cell_at(crowd.slots.sorted_at[j], crowd.level_size[m][1]), cell)
 
 
 @wp.func
@@ -265,9 +241,9 @@ def find_pairs_on_surface(
     if fill != 0:
         room = pairs.start[i + 1] - pairs.start[i]
     for m in range(own_level + 1):
-        reach = crowd.outlines.reach[i] + crowd.outlines.skin[i] + crowd.level_reach[m]
-        low = cell_at(at - wp.vec3(reach, reach, reach), crowd.inverse_cell[m])
-        counts = cell_at(at + wp.vec3(reach, reach, reach), crowd.inverse_cell[m]) - low + wp.vec3i(1, 1, 1)
+        reach = crowd.outlines.reach[i] + crowd.outlines.skin[i] + crowd.level_size[m][0]
+        low = cell_at(at - wp.vec3(reach, reach, reach), crowd.level_size[m][1])
+        counts = cell_at(at + wp.vec3(reach, reach, reach), crowd.level_size[m][1]) - low + wp.vec3i(1, 1, 1)
         for number in range(counts[0] * counts[1] * counts[2]):
             if count < room:
                 cell = low + cell_of_block(number, counts)
@@ -462,6 +438,9 @@ def squared_overlap(i: int, room_of: int, here: Standing, j: int, crowd: Surface
         copied = copy_corners(room_of, j, seen.turned, crowd)
         depth = wp.max(-apart(i, outlines.first_corner[i], j, copied, seen.way, outlines, 0.0), 0.0)
         depth = depth / wp.min(outlines.width[i], outlines.width[j])
+        if outlines.lightness[j] == 0.0 and depth > TOLERABLE:
+            # It cannot give way.
+            return depth * depth + PINNED_COST
     return depth * depth
 
 
@@ -498,9 +477,9 @@ def cost_of_standing(i: int, room_of: int, here: Standing, without: int, most: f
     """
     total = float(0.0)
     for m in range(crowd.level_count):
-        reach = crowd.outlines.reach[i] + crowd.level_reach[m]
-        low = cell_at(here.position - wp.vec3(reach, reach, reach), crowd.inverse_cell[m])
-        high = cell_at(here.position + wp.vec3(reach, reach, reach), crowd.inverse_cell[m])
+        reach = crowd.outlines.reach[i] + crowd.level_size[m][0]
+        low = cell_at(here.position - wp.vec3(reach, reach, reach), crowd.level_size[m][1])
+        high = cell_at(here.position + wp.vec3(reach, reach, reach), crowd.level_size[m][1])
         counts = high - low + wp.vec3i(1, 1, 1)
         for number in range(counts[0] * counts[1] * counts[2]):
             if total < most:
@@ -622,7 +601,7 @@ def gains_most_of_cell(i: int, reach: float, cell: wp.vec3i, m: int, gain: wp.ar
             if (
                 near
                 and crowd.level[j] == m
-                and same_cell(cell_at(crowd.slots.sorted_at[j], crowd.inverse_cell[m]), cell)
+                and same_cell(cell_at(crowd.slots.sorted_at[j], crowd.level_size[m][1]), cell)
             ):
                 best = False
     return best
@@ -643,9 +622,9 @@ def accept_turns_on_surface(
     best = gain[i] > 0.0
     for m in range(crowd.level_count):
         own = crowd.outlines.reach[i]
-        reach = own + crowd.level_reach[m]
-        low = cell_at(at - wp.vec3(reach, reach, reach), crowd.inverse_cell[m])
-        counts = cell_at(at + wp.vec3(reach, reach, reach), crowd.inverse_cell[m]) - low + wp.vec3i(1, 1, 1)
+        reach = own + crowd.level_size[m][0]
+        low = cell_at(at - wp.vec3(reach, reach, reach), crowd.level_size[m][1])
+        counts = cell_at(at + wp.vec3(reach, reach, reach), crowd.level_size[m][1]) - low + wp.vec3i(1, 1, 1)
         for number in range(counts[0] * counts[1] * counts[2]):
             if best:
                 best = gains_most_of_cell(i, own, low + cell_of_block(number, counts), m, gain, crowd)
@@ -654,3 +633,75 @@ def accept_turns_on_surface(
         along = crowd.along[i]
         beside = wp.cross(crowd.normal[i], along)
         crowd.along[i] = wp.cos(angle[i]) * along + wp.sin(angle[i]) * beside
+
+
+@wp.struct
+class Pool:
+    """Places on the surface, class after class: facet, weights of its second and third corner; and where those of a class begin."""
+
+    facet: wp.array(dtype=wp.int32)
+    weight: wp.array(dtype=wp.vec2)
+    start: wp.array(dtype=wp.int32)
+
+
+@wp.kernel
+def propose_places_on_surface(
+    first: int,
+    stuck: wp.array(dtype=wp.int32),
+    candidates: int,
+    seed: int,
+    pool: Pool,
+    bodies: Bodies,
+    crowd: SurfaceCrowd,
+    # outputs
+    chosen: wp.array(dtype=wp.int32),
+    axis: wp.array(dtype=wp.vec3),
+    cost: wp.array(dtype=float),
+):
+    """The place of a pool where a stuck body overlaps the least, or the nearest where it does not; and its squared overlaps there.
+
+    Who may turn is turned at random. -1: none is better than to lie in what cannot give way.
+    """
+    q = first + wp.tid()
+    i = stuck[q]
+    outlines = crowd.outlines
+    ground = crowd.ground
+    body = outlines.body[i]
+    support = bodies.support[body]
+    begin = pool.start[support]
+    count = pool.start[support + 1] - begin
+    state = wp.rand_init(seed, i)
+    along_curve = wp.randi(state, 0, wp.max(count, 1))
+    own = crowd.position[i]
+    least = float(PINNED_COST)
+    far = float(1.0e30)
+    best = int(-1)
+    best_axis = crowd.along[i]
+    for candidate in range(wp.min(candidates, count)):
+        at = begin + (along_curve + candidate) % count
+        # Drawn whether it is used or not.
+        angle = wp.randf(state, 0.0, 2.0 * wp.pi)
+        spot = spot_at(pool.facet[at], pool.weight[at], ground.facets)
+        away = wp.length(spot.position - own)
+        free = TOLERABLE * TOLERABLE
+        if least > free or away < far:
+            here = Standing()
+            here.position = spot.position
+            here.facet = spot.facet
+            here.normal = smooth_normal(spot.facet, spot.weight, ground.facets)
+            heading = crowd.heading[i]
+            if outlines.ease[i] > 0.0:
+                heading = angle
+            there = direction_at(heading, spot.facet, crowd)
+            here.along = carried(there, ground.facets.normal[spot.facet], here.normal)
+            if may_be(spot, support, ground.clear[body][0], ground):
+                most = wp.max(least, free)
+                found = cost_of_standing(i, i, here, i, most, crowd)
+                if found < most:
+                    least = found
+                    far = away
+                    best = at
+                    best_axis = here.along
+    chosen[q] = best
+    axis[q] = best_axis
+    cost[q] = least

@@ -15,7 +15,7 @@ from . import kernels_bends, kernels_descent, kernels_outlines, kernels_pairs, k
 from .footprint_tables import footprint_tables
 from .guidance import Guidance
 from .model import Model
-from .separation import SKIN, TOLERANCE, Separation
+from .separation import SKIN, TOLERANCE, ProposedPlaces, Separation
 from .spatial_order import spatial_order
 from .standing_outlines import StandingOutlines, standing_outlines
 from .supports import parted_from_obstacles
@@ -26,23 +26,6 @@ __all__ = ["PlaneSeparation"]
 # with 0.3 two turns at right angles leave 341 pairs at 55 %, and one turn among random ones 465 at 60 %; with 0.6 the first leave 37;
 # with 0.85 neither any.
 LEAST_PARALLEL = 0.9
-# Places that a body tries at most which is wedged between pinned ones, or caught in a gap between obstacles with others that overlap
-# it. Measured on 120 planks among 146 others, which leave few: 1,000 do not find them.
-PLACES_TO_TRY = 20_000
-# Of many bodies each tries fewer, so that all of them try as many as this, but no fewer than these.
-PLACES_IN_ALL = 400_000
-FEWEST_PLACES = 200
-# Squared overlaps that a place may leave of those that a body had. Measured on 500 pebbles among trees and logs: where a place had to
-# be free of all, 7 pairs were left.
-KEEP_PLACES = 0.5
-# And that it may leave where the last pass helped nobody: those that are pressed there give way. Measured on quads between triangles
-# at 42 %: one is caught at the border, and of 200,000 places none is free, but many press by a fifth of a width.
-PRESSED_PLACES = 0.1
-# Where a pass leaves more than this share of those who are caught, and they are more than this share of all bodies, there is no room
-# for them: no other follows.
-STILL_CAUGHT, MANY_CAUGHT = 0.8, 0.2
-# Of those who are caught so many look for a place at once.
-MOST_AT_ONCE = 2000
 # Periods that an image of a body may be away.
 MOST_IMAGES = 8
 
@@ -95,7 +78,8 @@ class PlaneSeparation(Separation):
             standing = standing_outlines(
                 model.problem, float(tables.reach.max()), has_edges=bool(model.space.has_edges)
             )
-        tables = tables.followed_by(standing)
+        m = len(standing)
+        tables = tables.followed_by(standing.outlines, standing.position, np.arange(m), np.ones(m), np.zeros(m))
         super().__init__(model, launcher, tables, order, length, np.where(is_line, start_turn, 0.0))
         everything = np.concatenate([order, np.arange(n, n + len(standing))])
         reach = tables.reach / unit
@@ -254,43 +238,27 @@ class PlaneSeparation(Separation):
             kernels_trials.propose_swaps, len(stuck), [stuck, *inputs, self._crowd, self._cost], outputs, grain=8
         )
 
-    def _leave_wedges(self, number: int) -> int:
-        launcher, cost = self.launcher, self.launcher.zeros(self._count, float)
-        self._sort()
-        self._find_costs(cost)
-        movable, before = self._outlines.lightness.numpy() > 0.0, cost.numpy()
-        wedged = before >= kernels_trials.PINNED_COST
-        caught = movable & (before > TOLERANCE**2)
-        count = int(caught.sum())
-        keep = PRESSED_PLACES if count >= self._caught else TOLERANCE**2
-        if not self._caught or count > max(STILL_CAUGHT * self._caught, MANY_CAUGHT * len(self._order)):
-            count, caught = 0, np.zeros_like(caught)
-        self._caught = count
-        some = np.flatnonzero(caught & ~wedged)
-        stuck = np.concatenate([np.flatnonzero(movable & wedged), some[:: -(-max(len(some), 1) // MOST_AT_ONCE)]])
-        if not len(stuck):
-            return 0
+    def _propose_places(self, stuck: np.ndarray, candidates: int, seed: int) -> ProposedPlaces:
+        launcher = self.launcher
         place, left = launcher.empty(len(stuck), wp.vec3), launcher.zeros(len(stuck), float)
-        seed = (self._model.problem.seed * 7919 + (1 << 21) + number) % (1 << 31)
         on_device = wp.array(stuck.astype(np.int32), dtype=wp.int32, device=launcher.device)
-        candidates = min(PLACES_TO_TRY, max(FEWEST_PLACES, PLACES_IN_ALL // len(stuck)))
         inputs = [on_device, candidates, self._corner_count, self._trial_corners, seed, self._room]
         inputs += [self._may_turn, self._bodies, self._bend, self._images, self._crowd]
         launcher.launch(kernels_trials.propose_places, len(stuck), inputs, [place, left], grain=1)
-        # Who is caught among bodies that give way goes where it is better by far.
-        enough = np.maximum(keep, KEEP_PLACES * before[stuck])
-        found = left.numpy() < np.where(wedged[stuck], kernels_trials.PINNED_COST, enough)
-        landing = np.flatnonzero(found)
-        landing = landing[_alone(place.numpy()[landing, :2], self._outlines.reach.numpy()[stuck[landing]])]
-        poses, home, last = (array.numpy().copy() for array in (self._crowd_pose, self._moves.home, self._moves.last))
-        moved = stuck[landing]
-        poses[moved, :3] = home[moved, :3] = place.numpy()[landing]
-        last[moved] = 0.0
-        self._crowd_pose.assign(poses)
-        self._moves.home.assign(home)
-        self._moves.last.assign(last)
-        self._rebuild()
-        return len(moved)
+        there = place.numpy()
+
+        def land(landing: np.ndarray) -> None:
+            poses, home, last = (
+                array.numpy().copy() for array in (self._crowd_pose, self._moves.home, self._moves.last)
+            )
+            moved = stuck[landing]
+            poses[moved, :3] = home[moved, :3] = there[landing]
+            last[moved] = 0.0
+            self._crowd_pose.assign(poses)
+            self._moves.home.assign(home)
+            self._moves.last.assign(last)
+
+        return ProposedPlaces(there[:, :2], left.numpy(), land)
 
     def _find_costs(self, cost: wp.array) -> None:
         self.launcher.launch(kernels_trials.find_costs, self._count, [self._crowd], [cost], grain=GRAIN_OF_NEIGHBORS)
@@ -349,12 +317,3 @@ class PlaneSeparation(Separation):
         crowd.images, crowd.inset = self._crowd.images, self._crowd.inset
         launcher.launch(kernels_bends.find_room, n, [crowd, widest], [room], grain=GRAIN_OF_NEIGHBORS)
         launcher.launch(kernels_bends.straighten, n, [self._outlines, self._bodies, widest, room], [self._bend])
-
-
-def _alone(place: np.ndarray, reach: np.ndarray) -> np.ndarray:
-    """Which of some places to take, the first ones first, so that no two bodies of these reaches meet there; ascending."""
-    taken = np.zeros(len(place), bool)
-    for k in range(len(place)):
-        apart = np.hypot(*(place[:k] - place[k]).T) >= reach[:k] + reach[k]
-        taken[k] = (apart | ~taken[:k]).all()
-    return np.flatnonzero(taken)

@@ -28,11 +28,6 @@ class StandingOutlines:
     def __len__(self) -> int:
         return len(self.outlines)
 
-    @property
-    def cores(self) -> list[np.ndarray]:
-        """Corners of every core, seen from its place [m]."""
-        return [outline.corners - place for outline, place in zip(self.outlines, self.position, strict=True)]
-
 
 def standing_outlines(problem: Problem, reach: float, *, has_edges: bool) -> StandingOutlines:
     """Return the convex obstacles of a problem that bodies may touch which reach so far beyond its domain [m].

@@ -18,8 +18,10 @@ from ..cascade.points import empty_points
 from ..cascade.seen_from_afar import is_rough, seen_from_afar
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..errors import ProblemError
+from ..problem.outlines_on_surface import OutlinesOnSurface
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface
+from ..problem.unit_vectors import tangent_frame
 from ..surface import kernels_facets
 from ..surface.facets import Facets
 from ..surface.parts import joined_parts
@@ -33,7 +35,8 @@ from .line_rules import first_length_factors
 from .model import Model
 from .surface_contact import SurfaceContact
 from .surface_correlation import correlation_potential
-from .surface_line_rules import SurfaceLineRules, tangent_frame
+from .surface_line_rules import SurfaceLineRules
+from .surface_obstacles import clear_of_outlines, outlines_on_ground, rooms
 from .surface_own_forces import own_forces
 from .surface_placement import facing_headings, placement_on_surface, points_of
 from .surface_places import (
@@ -58,6 +61,11 @@ Start = Callable[["SurfaceDescent"], None]
 DETAIL = 0.3
 FINER = 3
 SAMPLES_OF_DETAIL = 8
+# Obstacles that reach farther than this, in units, are details; of all others the share of a tile that they take is found from so many
+# points along each of its sides. Measured on 600 boxes among as many, which cover 36 %: where tiles are not cut at small ones coverage
+# errors are 0.0136, cut in four 0.0089, in nine 0.0097; as details, which takes six times as long as all the rest, 0.0076.
+LARGE_OUTLINE = 2.0
+SAMPLES_OF_OUTLINES = 2
 # What lies so near to it, in units, is cut finer, too: there the near part of the target's force changes fast.
 NEAR_DETAIL = 2.9
 FINER_NEAR_DETAIL = 2
@@ -101,6 +109,7 @@ class SurfaceDescent:
         self.share = share
         self._balls, self._clear = balls_of(model, self.facets), clearances(model)
         started = clear_of_balls(model, self.facets, started, self._balls, self._clear)
+        started = clear_of_outlines(model, self.facets, started)
         column = model.groups.class_index
         of_group = np.zeros((model.groups.count, len(share)))
         of_group[np.arange(len(column)), column] = model.group_charge
@@ -138,7 +147,7 @@ class SurfaceDescent:
         if start is not None:
             start(self)
             # Bodies that come along have brought their outlines.
-            self.ground.clear.assign(clearances(model).astype(np.float32))
+            self.ground.clear.assign(np.column_stack([clearances(model), rooms(model)]).astype(np.float32))
         if fixed is not None:
             rows = np.flatnonzero(model.fixed)
             self._put(rows, fixed)
@@ -175,7 +184,9 @@ class SurfaceDescent:
             go_on: Called now and then; returning False ends it.
             again: Whether they were parted before, and have moved little since.
         """
-        parting = SurfaceSeparation(self.model, self.launcher, self.bodies, self.ground, self.facets, self.state)
+        parting = SurfaceSeparation(
+            self.model, self.launcher, self.bodies, self.ground, self.facets, self.state, self.share
+        )
         return parting.run(go_on, again=again)
 
     def positions(self) -> np.ndarray:
@@ -253,13 +264,40 @@ class SurfaceDescent:
                 self.place_charges()
 
     def _cut_by_detail(self) -> np.ndarray:
-        """Cut facets finer where densities change fast; return the share of every class's density on every tile."""
+        """Cut facets finer where densities change fast; return the share of every class's density on every tile.
+
+        At obstacles that are small outlines they are cut less fine: there may be as many as bodies, and these are parted from them.
+        """
         facets, classes = self.facets, self.model.problem.classes
-        varying = [k for k, c in enumerate(classes) if c.varies_on_surface]
-        if not varying:
-            return np.tile(facets.tile_area / facets.tile_area.sum(), (len(classes), 1))
+        outlines = self.model.problem.outlines_on_surface
+        large = outlines.larger_than(LARGE_OUTLINE * self.model.unit)
+        small = outlines.smaller_than(LARGE_OUTLINE * self.model.unit)
+        if len(small):
+            of_tile = np.repeat(np.arange(facets.count), facets.cuts**2)
+            facets.cut_finer(np.unique(of_tile[self._share_beside(small) < 1.0]), FINER_NEAR_DETAIL)
+        varying = [k for k, c in enumerate(classes) if c.varies_beside_outlines or len(large)]
+        density = np.ones((len(classes), facets.tile_count))
+        if varying:
+            density = self._detailed_densities(varying, large)
+        if len(small):
+            density = density * self._share_beside(small)
+        amount = density * facets.tile_area
+        total = amount.sum(axis=1, keepdims=True)
+        if not (total > 0.0).all():
+            name = classes[int(np.argmin(total[:, 0]))].name
+            raise ProblemError(f'`density` of class "{name}" is above 0 on too small a part of the surface')
+        return amount / total
+
+    def _detailed_densities(self, varying: list[int], outlines: OutlinesOnSurface) -> np.ndarray:
+        """Cut facets finer where densities change fast, and return densities on tiles, shape ``[class_count, tile_count]``.
+
+        Args:
+            varying: Classes whose densities change at all.
+            outlines: Obstacles that they end at.
+        """
+        facets = self.facets
         whole = np.arange(facets.count)
-        sampled = self._densities(whole, 2, varying)
+        sampled = self._densities(whole, 2, varying, outlines)
         detailed = np.zeros(facets.count, bool)
         of_tile = np.repeat(whole, facets.cuts**2)
         for values in sampled:
@@ -268,26 +306,40 @@ class SurfaceDescent:
         finer = np.flatnonzero(detailed)
         facets.cut_finer(np.flatnonzero(facets.near(detailed, NEAR_DETAIL) & ~detailed), FINER_NEAR_DETAIL)
         facets.cut_finer(finer, FINER)
-        sampled = self._densities(whole, 2, varying) if len(finer) else sampled
+        sampled = self._densities(whole, 2, varying, outlines) if len(finer) else sampled
         of_tile = np.repeat(whole, facets.cuts**2)
-        density = np.ones((len(classes), facets.tile_count))
+        density = np.ones((len(self.model.problem.classes), facets.tile_count))
         now_detailed = np.repeat(detailed, facets.cuts**2)
-        closely = self._densities(finer, SAMPLES_OF_DETAIL, varying) if len(finer) else []
+        closely = self._densities(finer, SAMPLES_OF_DETAIL, varying, outlines) if len(finer) else []
         for number, k in enumerate(varying):
             density[k, ~now_detailed] = sampled[number].mean(axis=1)[~detailed[of_tile]]
             if closely:
                 density[k, now_detailed] = closely[number].mean(axis=1)
-        amount = density * facets.tile_area
-        total = amount.sum(axis=1, keepdims=True)
-        if not (total > 0.0).all():
-            name = classes[int(np.argmin(total[:, 0]))].name
-            raise ProblemError(f'`density` of class "{name}" is above 0 on too small a part of the surface')
-        return amount / total
+        return density
 
-    def _densities(self, facet: np.ndarray, inner: int, classes: list[int]) -> list[np.ndarray]:
+    def _densities(
+        self, facet: np.ndarray, inner: int, classes: list[int], outlines: OutlinesOnSurface
+    ) -> list[np.ndarray]:
         """Densities of some classes at ``inner²`` points of every tile of some facets, shapes ``[tiles, inner²]``."""
-        points = self.facets.surface.points(*self.facets.in_triangle(*self.facets.tiles(facet, inner)))
-        return [self.model.problem.classes[k].density_on(points).reshape(-1, inner**2) for k in classes]
+        points = self._points_of_tiles(facet, inner)
+        found = []
+        for k in classes:
+            body_class = self.model.problem.classes[k]
+            density = body_class.density_beside_outlines(points)
+            if len(outlines):
+                density = density * outlines.free(points, body_class.edge)
+            found.append(density.reshape(-1, inner**2))
+        return found
+
+    def _share_beside(self, outlines: OutlinesOnSurface) -> np.ndarray:
+        """Share of every tile that outlines leave, shape ``[tile_count]``."""
+        points = self._points_of_tiles(np.arange(self.facets.count), SAMPLES_OF_OUTLINES)
+        free = outlines.distance(points, 0.0) >= 0.0
+        return free.reshape(-1, SAMPLES_OF_OUTLINES**2).mean(axis=1)
+
+    def _points_of_tiles(self, facet: np.ndarray, inner: int) -> PointsOnSurface:
+        """``inner²`` points of every tile of some facets."""
+        return self.facets.surface.points(*self.facets.in_triangle(*self.facets.tiles(facet, inner)))
 
     def _make_ground(
         self, on_device: kernels_facets.Facets, share: np.ndarray, attraction: np.ndarray
@@ -312,7 +364,8 @@ class SurfaceDescent:
         ground.step_length = wp.array(length.ravel(), dtype=float, device=device)
         ground.ball_count = len(self._balls)
         ground.balls = wp.array(self._balls.astype(np.float32), dtype=wp.vec4, device=device)
-        ground.clear = wp.array(self._clear, dtype=float, device=device)
+        ground.clear = wp.array(np.column_stack([self._clear, rooms(model)]), dtype=wp.vec2, device=device)
+        ground.outlines = outlines_on_ground(self.launcher, model, self.facets)
         return ground
 
     def take_over(

@@ -9,12 +9,13 @@ import warp as wp
 
 from ..device.launcher import Launcher
 from ..problem.surface_directions import SLOPE, direction_at, down_the_slope
+from ..problem.unit_vectors import tangent_frame
 from ..surface.facets import Facets
 from .line_rules import FIRST_LENGTH, first_length_factors, numbers_for_kernels, pressed_of, weights_of
 from .model import LineKind, Model
 from .surface_places import cells_of
 
-__all__ = ["SurfaceLineRules", "tangent_frame"]
+__all__ = ["SurfaceLineRules"]
 
 # Edges of a density are looked at in cells of about so many spacings, each with those around it.
 CELL_OF_EDGES = 1.5
@@ -85,15 +86,6 @@ class SurfaceLineRules:
         asked = np.array([line.line.longest for line in model.kinds] + [0.0])[kinds]
         length = np.where(np.isnan(table.length), asked, table.length)
         return np.where(kinds[:, None] >= 0, 0.5 / model.unit * length[:, None] * along, 0.0)
-
-
-def tangent_frame(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Directions along the surface, nearest to x (to y where it looks along x) and a quarter turn on, shape ``[n, 3]`` each."""
-    along_x = np.abs(normal[:, :1]) > 0.9
-    wanted = np.where(along_x, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
-    first = wanted - (wanted * normal).sum(axis=1, keepdims=True) * normal
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return first, np.cross(normal, first)
 
 
 def _on_tiles(kind: LineKind, facets: Facets) -> np.ndarray:

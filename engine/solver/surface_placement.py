@@ -10,12 +10,12 @@ from ..problem.look_at import facing_on_surface
 from ..problem.of_bodies import of_all, one_by_one
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface
+from ..problem.unit_vectors import tangent_frame
 from ..surface.facets import Facets
 from . import kernels_surface_end
 from .body_flags import BodyFlags
 from .final_placement import angle_within, bends_of, looking_bodies, looks_at_point, somebody_looks
 from .model import Model
-from .surface_line_rules import tangent_frame
 from .surface_state import SurfaceState
 
 __all__ = ["facing_headings", "placement_on_surface", "points_of"]

@@ -11,11 +11,11 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..errors import ProblemError
 from ..problem.body_kind import radius_of
+from ..problem.nearest_on_triangles import corner_weights
 from ..problem.surface import PointsOnSurface
 from ..problem.validation import show
 from ..surface import kernels_facets
 from ..surface.facets import Facets
-from ..surface.triangle_mesh import corner_weights
 from .attraction import water_level
 from .model import Model
 
@@ -27,6 +27,7 @@ __all__ = [
     "clear_of_balls",
     "clearances",
     "left_by_fixed",
+    "spots_near_points",
     "spots_of_fixed",
     "spots_of_places",
     "spots_of_points",
@@ -48,14 +49,36 @@ def spots_of_points(facets: Facets, points: PointsOnSurface) -> Spots:
     first = np.searchsorted(facets.triangle[order], points.triangle)
     count = np.searchsorted(facets.triangle[order], points.triangle, side="right") - first
     row = np.repeat(np.arange(len(first)), count)
-    within = np.arange(len(row)) - np.repeat(np.concatenate([[0], np.cumsum(count)[:-1]]), count)
+    before = np.cumsum(count) - count
+    within = np.arange(len(row)) - np.repeat(before, count)
     candidate = order[first[row] + within]
     weight = np.einsum("nk,nkd->nd", points.barycentric[row], np.linalg.inv(facets.weight[candidate]))
     # Of the facets of its triangle, that which a point lies deepest in.
     depth = weight.min(axis=1)
     best = np.lexsort((candidate, -depth, row))
-    chosen = best[np.concatenate([[0], np.cumsum(count)[:-1]]).astype(np.int64)] if len(first) else best
+    chosen = best[before]
     return candidate[chosen].astype(np.int32), _inside(weight[chosen])
+
+
+def spots_near_points(launcher: Launcher, facets: Facets, points: PointsOnSurface) -> Spots:
+    """Return what :func:`spots_of_points` does, sooner where triangles have many facets."""
+    place = (points.position - facets.middle) / facets.unit
+    facet = _nearest_facets(launcher, facets, place)
+    weight = _inside(corner_weights(facets.corner[facet], place))
+    # What lies on two sides of a face at once, or on an edge, is on the triangle that it is said to be on.
+    other = np.flatnonzero((facet < 0) | (facets.triangle[facet] != points.triangle))
+    if len(other):
+        some = points.surface.points(points.triangle[other], points.barycentric[other])
+        facet[other], weight[other] = spots_of_points(facets, some)
+    return facet, weight
+
+
+def _nearest_facets(launcher: Launcher, facets: Facets, place: np.ndarray) -> np.ndarray:
+    """Facets that are the nearest to places, in units, int32; -1 for what is far from all of them."""
+    near = launcher.empty(len(place), wp.int32)
+    on_device = wp.array(place.astype(np.float32), dtype=wp.vec3, device=launcher.device)
+    launcher.launch(kernels_facets.find_faces, len(place), [facets.mesh.id, on_device, NEAR], [near])
+    return near.numpy().copy()
 
 
 def spots_of_fixed(launcher: Launcher, model: Model, facets: Facets) -> Spots:
@@ -100,10 +123,7 @@ def spots_of_places(launcher: Launcher, facets: Facets, places: PlacesOnSurface,
     found = np.flatnonzero(places.triangle < 0)
     if len(found):
         place = (places.position[found] - facets.middle) / facets.unit
-        near = launcher.empty(len(found), wp.int32)
-        on_device = wp.array(place.astype(np.float32), dtype=wp.vec3, device=launcher.device)
-        launcher.launch(kernels_facets.find_faces, len(found), [facets.mesh.id, on_device, NEAR], [near])
-        facet[found] = near.numpy()
+        facet[found] = _nearest_facets(launcher, facets, place)
         missed = np.flatnonzero(facet[found] < 0)
         if len(missed):
             raise ProblemError(

@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..problem.unit_vectors import tangent_frame
 from ..space.cell_sort import CellSort
 from ..surface.facets import Facets
 from . import (
     kernels_bends,
     kernels_descent,
+    kernels_lying,
     kernels_on_surface,
     kernels_outlines,
     kernels_surface_bends,
-    kernels_surface_contact,
     kernels_surface_separation,
 )
 from .footprint_tables import footprint_tables
 from .model import Model
-from .separation import SKIN, TOLERANCE, Separation
+from .separation import PLACES_OF_JUMP, SKIN, TOLERANCE, ProposedPlaces, Separation
 from .surface_contact import SLOTS_PER_BODY, levels_of
-from .surface_line_rules import tangent_frame
+from .surface_obstacles import outlines_among, spots_of_outlines
+from .surface_places import TilePlaces
 from .surface_state import SurfaceState
 
 __all__ = ["SurfaceSeparation"]
@@ -40,6 +43,7 @@ class SurfaceSeparation(Separation):
         ground: The surface, as the descent's kernels take it.
         facets: The surface, cut.
         state: Where the bodies are; they are moved, and turned where they may be.
+        share: Share of every class's density on every tile, shape ``[class_count, tile_count]``.
     """
 
     SEES_COPIES = True
@@ -52,13 +56,19 @@ class SurfaceSeparation(Separation):
         ground: kernels_on_surface.Ground,
         facets: Facets,
         state: SurfaceState,
+        share: np.ndarray,
     ) -> None:
+        self._share = share
         self._bodies, self._ground, self._facets, self._state = bodies, ground, facets, state
         n, unit, device = model.body_count, model.unit, launcher.device
         axis = state.axis.numpy().astype(np.float64)
         half = np.linalg.norm(axis, axis=1)
         length = 2.0 * half * unit
         tables = footprint_tables(model.footprints, length, model.widths(length) if model.kinds else np.zeros(n))
+        standing = outlines_among(model)
+        tables = tables.followed_by(
+            standing.shapes, np.zeros((len(standing.shapes), 2)), standing.shape, standing.scale, standing.margin
+        )
         is_line = model.body.kind >= 0
         facet, heading = state.facet.numpy(), state.heading.numpy().astype(np.float64)
         # Facets lie along a curve, and bodies on them.
@@ -67,38 +77,54 @@ class SurfaceSeparation(Separation):
         first, second = self._frames()
         along = np.cos(heading)[:, None] * first[facet] + np.sin(heading)[:, None] * second[facet]
         along[is_line] = axis[is_line] / np.maximum(half[is_line], 1e-12)[:, None]
-        self._given = facet, along
-        reach = (tables.reach / unit + SKIN * np.sqrt(tables.area) / unit)[order]
+        facet_among, weight_among = spots_of_outlines(launcher, facets, standing)
+        # What stands among the bodies comes behind them.
+        self._spots_at_home = (
+            np.concatenate([facet[order], facet_among]),
+            np.concatenate([state.weight.numpy()[order], weight_among]),
+        )
+        self._along_at_home = along[order], standing.along
+        count = n + len(standing)
+        reach = tables.reach / unit
+        reach[:n] = (reach[:n] + SKIN * np.sqrt(tables.area[:n]) / unit)[order]
         level, level_reach = levels_of(reach)
         crowd = kernels_surface_separation.SurfaceCrowd()
-        crowd.facet, crowd.weight = launcher.empty(n, wp.int32), launcher.empty(n, wp.vec2)
-        crowd.position, crowd.normal, crowd.along = (launcher.empty(n, wp.vec3) for _ in range(3))
-        crowd.heading = launcher.array(heading.astype(np.float32)[order], float)
+        crowd.facet, crowd.weight = launcher.empty(count, wp.int32), launcher.empty(count, wp.vec2)
+        crowd.position, crowd.normal, crowd.along = (launcher.empty(count, wp.vec3) for _ in range(3))
+        crowd.heading = launcher.array(
+            np.concatenate([heading[order], np.zeros(len(standing))]).astype(np.float32), float
+        )
         crowd.frame = wp.array(first.astype(np.float32), dtype=wp.vec3, device=device)
         crowd.outlines, crowd.ground = self._outlines, ground
         crowd.copies, crowd.most_corners = self._corner_count, self._trial_corners
-        crowd.meeting = model.meeting(launcher, order)
+        crowd.meeting = model.meeting(launcher, order, len(standing))
         crowd.level_count = len(level_reach)
         crowd.level = launcher.array(level, wp.int32)
-        crowd.level_reach = wp.array(level_reach, dtype=float, device=device)
-        crowd.inverse_cell = wp.array(0.5 / level_reach, dtype=float, device=device)
-        slots = 1 << max(4, (SLOTS_PER_BODY * n - 1).bit_length())
-        self._cell_sort = CellSort(launcher, n, slots)
-        crowd.slots = kernels_surface_contact.Slots()
+        crowd.level_size = wp.array(np.column_stack([level_reach, 0.5 / level_reach]), dtype=wp.vec2, device=device)
+        slots = 1 << max(4, (SLOTS_PER_BODY * count - 1).bit_length())
+        self._cell_sort = CellSort(launcher, count, slots)
+        crowd.slots = kernels_lying.Slots()
         crowd.slots.order, crowd.slots.start = self._cell_sort.order, self._cell_sort.cell_start
-        crowd.slots.sorted_at, crowd.slots.mask = launcher.empty(n, wp.vec3), slots - 1
+        crowd.slots.sorted_at, crowd.slots.mask = launcher.empty(count, wp.vec3), slots - 1
         self._crowd = crowd
-        moves = kernels_surface_separation.SurfaceMoves()
-        moves.last, moves.turned = launcher.zeros(n, wp.vec4), launcher.zeros(n, float)
-        moves.home, moves.built = launcher.empty(n, wp.vec3), launcher.empty(n, wp.vec3)
-        moves.moved_far = launcher.zeros(launcher.thread_count, wp.int32)
-        self._moves = moves
+        self._moves = self._first_moves(count)
         self._other_turned = launcher.zeros(1, wp.vec2)
         self._go_home()
         # Seen along their own x axes corners never turn.
         launcher.launch(
-            kernels_outlines.turn_corners, n, [launcher.zeros(n, wp.vec4), self._outlines], [self._outlines.corner]
+            kernels_outlines.turn_corners,
+            count,
+            [launcher.zeros(count, wp.vec4), self._outlines],
+            [self._outlines.corner],
         )
+
+    def _first_moves(self, count: int) -> kernels_surface_separation.SurfaceMoves:
+        launcher = self.launcher
+        moves = kernels_surface_separation.SurfaceMoves()
+        moves.last, moves.turned = launcher.zeros(count, wp.vec4), launcher.zeros(count, float)
+        moves.home, moves.built = launcher.empty(count, wp.vec3), launcher.empty(count, wp.vec3)
+        moves.moved_far = launcher.zeros(launcher.thread_count, wp.int32)
+        return moves
 
     def _frames(self) -> tuple[np.ndarray, np.ndarray]:
         """Directions of every facet that headings are counted from, and a quarter turn on, as a placement has them."""
@@ -110,21 +136,25 @@ class SurfaceSeparation(Separation):
         return [crowd.facet, crowd.weight, crowd.position, crowd.normal, crowd.along]
 
     def _go_home(self) -> None:
-        crowd, order = self._crowd, self._order
-        facet, along = self._given
-        weight = self._state.weight.numpy()
+        crowd, n = self._crowd, len(self._order)
+        facet, weight = self._spots_at_home
+        position, normal = self._smoothly(facet, weight)
+        along, of_standing = self._along_at_home
+        along = np.concatenate([_carried(along, self._facets.normal[facet[:n]], normal[:n]), of_standing])
+        crowd.facet.assign(facet.astype(np.int32))
+        crowd.weight.assign(weight.astype(np.float32))
+        crowd.position.assign(position.astype(np.float32))
+        crowd.normal.assign(normal.astype(np.float32))
+        crowd.along.assign(along.astype(np.float32))
+        self._moves.home.assign(crowd.position)
+
+    def _smoothly(self, facet: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where spots are, in units, and where the smooth surface looks to there, shape ``[k, 3]``."""
         full = np.column_stack([1.0 - weight.sum(axis=1), weight]).astype(np.float64)
         position, normal = (
             np.einsum("nk,nkd->nd", full, of[facet]) for of in (self._facets.corner, self._facets.corner_normal)
         )
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        along = _carried(along, self._facets.normal[facet], normal)
-        crowd.facet.assign(facet[order].astype(np.int32))
-        crowd.weight.assign(weight[order])
-        crowd.position.assign(position[order].astype(np.float32))
-        crowd.normal.assign(normal[order].astype(np.float32))
-        crowd.along.assign(along[order].astype(np.float32))
-        self._moves.home.assign(crowd.position)
+        return position, normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
     def _begin_list(self) -> None:
         self.launcher.launch(
@@ -218,6 +248,64 @@ class SurfaceSeparation(Separation):
             grain=8,
         )
 
+    @cached_property
+    def _pool(self) -> kernels_surface_separation.Pool:
+        """Places that bodies may jump to: as many of a class as any of them tries, drawn from its density."""
+        rng = np.random.default_rng([self._model.problem.seed, 3])
+        places = TilePlaces(self._facets, rng)
+        found = [places.draw(share, PLACES_OF_JUMP) for share in self._share]
+        order = [rng.permutation(PLACES_OF_JUMP) for _ in found]
+        pool = kernels_surface_separation.Pool()
+        pool.facet = self.launcher.array(
+            np.concatenate([facet[some] for (facet, _), some in zip(found, order, strict=True)]), wp.int32
+        )
+        pool.weight = self.launcher.array(
+            np.concatenate([weight[some] for (_, weight), some in zip(found, order, strict=True)]), wp.vec2
+        )
+        pool.start = self.launcher.array(PLACES_OF_JUMP * np.arange(len(found) + 1, dtype=np.int32), wp.int32)
+        return pool
+
+    def _propose_places(self, stuck: np.ndarray, candidates: int, seed: int) -> ProposedPlaces:
+        launcher, crowd, pool = self.launcher, self._crowd, self._pool
+        # Lines lie on several places at once.
+        stuck_line = self._is_line[self._order[stuck]]
+        chosen, axis = launcher.empty(len(stuck), wp.int32), launcher.empty(len(stuck), wp.vec3)
+        left = launcher.empty(len(stuck), float)
+        launcher.launch(
+            kernels_surface_separation.propose_places_on_surface,
+            len(stuck),
+            [
+                wp.array(stuck.astype(np.int32), dtype=wp.int32, device=launcher.device),
+                candidates,
+                seed,
+                pool,
+                self._bodies,
+                crowd,
+            ],
+            [chosen, axis, left],
+            grain=1,
+        )
+        there = chosen.numpy()
+        facet, weight = pool.facet.numpy()[there], pool.weight.numpy()[there]
+        position, normal = self._smoothly(facet, weight)
+
+        def land(landing: np.ndarray) -> None:
+            moved = stuck[landing]
+            for array, values in (
+                (crowd.facet, facet),
+                (crowd.weight, weight),
+                (crowd.position, position),
+                (crowd.normal, normal),
+                (crowd.along, axis.numpy()),
+                (self._moves.home, position),
+                (self._moves.last, np.zeros((len(stuck), 4))),
+            ):
+                changed = array.numpy().copy()
+                changed[moved] = values[landing]
+                array.assign(changed)
+
+        return ProposedPlaces(position, np.where((there < 0) | stuck_line, np.inf, left.numpy()), land)
+
     def _find_costs(self, cost: wp.array) -> None:
         self.launcher.launch(
             kernels_surface_separation.find_costs_on_surface,
@@ -249,12 +337,13 @@ class SurfaceSeparation(Separation):
 
     def _write_back(self) -> None:
         state, order, crowd = self._state, self._order, self._crowd
+        n = len(order)
         old_facet = state.facet.numpy().copy()
         facet, weight = old_facet.copy(), state.weight.numpy().copy()
         axis, heading = state.axis.numpy().copy(), state.heading.numpy().copy()
-        facet[order], weight[order] = crowd.facet.numpy(), crowd.weight.numpy()
-        along, normal = np.empty((self._count, 3)), np.empty((self._count, 3))
-        along[order], normal[order] = crowd.along.numpy(), crowd.normal.numpy()
+        facet[order], weight[order] = crowd.facet.numpy()[:n], crowd.weight.numpy()[:n]
+        along, normal = np.empty((n, 3)), np.empty((n, 3))
+        along[order], normal[order] = crowd.along.numpy()[:n], crowd.normal.numpy()[:n]
         lines = self._is_line
         laid = _carried(along[lines], normal[lines], self._facets.normal[facet[lines]])
         axis[lines] = np.linalg.norm(axis[lines], axis=1, keepdims=True) * laid
@@ -273,8 +362,8 @@ class SurfaceSeparation(Separation):
 
     def _straighten(self) -> None:
         """Let lines bend no farther than there is room: they were parted as if they were straight."""
-        n, bend = self._count, self._state.bend
-        widest, room = self.launcher.zeros(n, float), self.launcher.zeros(n, float)
+        n, bend = len(self._order), self._state.bend
+        widest, room = self.launcher.zeros(self._count, float), self.launcher.zeros(n, float)
         self.launcher.launch(kernels_bends.find_bends, n, [self._outlines, self._bodies, bend], [widest])
         self._sort()
         self.launcher.launch(

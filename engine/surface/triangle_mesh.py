@@ -6,26 +6,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-__all__ = ["TriangleMesh", "corner_weights", "triangle_areas"]
+__all__ = ["TriangleMesh", "triangle_areas"]
 
 
 def triangle_areas(corner: np.ndarray) -> np.ndarray:
     """Areas of triangles, shape ``[t]``, from their corners ``[t, 3, 3]``."""
     a, b, c = corner.swapaxes(0, 1)
     return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
-
-
-def corner_weights(corner: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Weights of the corners of triangles ``[n, 3, 3]`` for points in their planes, shape ``[n, 3]``; below 0 for points beside them.
-
-    What is not in a plane counts as if it were straight above or below it; ``point`` may be a single one.
-    """
-    one, two, way = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0], point - corner[:, 0]
-    a, b, c = (one * one).sum(axis=1), (one * two).sum(axis=1), (two * two).sum(axis=1)
-    d, e = (way * one).sum(axis=1), (way * two).sum(axis=1)
-    scale = 1.0 / np.maximum(a * c - b * b, 1e-300)
-    second, third = (c * d - b * e) * scale, (a * e - b * d) * scale
-    return np.stack([1.0 - second - third, second, third], axis=1)
 
 
 @dataclass

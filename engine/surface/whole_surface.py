@@ -11,19 +11,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..problem.nearest_on_triangles import nearest_on_triangles
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface, SurfaceMesh
 from ..problem.unit_vectors import unit_vectors
 from .surface_points import SurfacePoints
-from .triangle_mesh import TriangleMesh, corner_weights
+from .triangle_mesh import TriangleMesh
 
 __all__ = ["WholeSurface"]
 
 # Points that a density is read at, about: more where triangles are many, and no more along a side than the second number.
 READ_AT = 400_000
 MOST_CUTS = 1024
-# Triangles are as near as others within this share of the distance to the nearest middle of one.
-AS_NEAR = 1e-6
 # Points that were put somewhere are still there within this share of the extent, which rounding may take.
 AS_THERE = 1e-5
 
@@ -105,26 +104,7 @@ class WholeSurface:
         Returns:
             Their triangles, shape ``[n]``, and the weights of these triangles' corners, shape ``[n, 3]``.
         """
-        corner = self.mesh.position[self.mesh.triangle].astype(np.float64)
-        low, high = corner.min(axis=1), corner.max(axis=1)
-        middle = corner.mean(axis=1)
-        face = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-        length = np.linalg.norm(face, axis=1, keepdims=True)
-        whole = np.flatnonzero(length[:, 0] > 0.0)
-        face /= np.maximum(length, 1e-300)
-        triangle, weight = np.empty(len(position), np.int64), np.empty((len(position), 3))
-        for row, point in enumerate(np.asarray(position, np.float64)):
-            # No triangle is nearer than its box, and one is as near as its middle.
-            near = np.linalg.norm(middle[whole] - point, axis=1).min()
-            box = np.linalg.norm(np.maximum(np.maximum(low[whole] - point, point - high[whole]), 0.0), axis=1)
-            chosen = whole[box <= near * (1.0 + 1e-9)]
-            weights = _nearest_in(corner[chosen], point)
-            away = np.linalg.norm(np.einsum("nk,nkd->nd", weights, corner[chosen]) - point, axis=1)
-            # Where several are as near, as on an edge or on two sides, it is the one that looks there.
-            alike = np.flatnonzero(away <= away.min() + AS_NEAR * near)
-            best = alike[np.argmax(face[chosen[alike]] @ normal[row])]
-            triangle[row], weight[row] = chosen[best], weights[best]
-        return triangle, weight
+        return nearest_on_triangles(self.mesh.position[self.mesh.triangle].astype(np.float64), position, normal)
 
     def found_again(
         self, vertex: np.ndarray, weight: np.ndarray, position: np.ndarray, normal: np.ndarray
@@ -163,27 +143,6 @@ class WholeSurface:
     def _points(self, triangle: np.ndarray, weight: np.ndarray) -> SurfacePoints:
         corner = self.mesh.position[self.mesh.triangle[triangle]]
         return SurfacePoints(self, triangle, weight, np.einsum("nk,nkd->nd", weight.astype(np.float64), corner))
-
-
-def _nearest_in(corner: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Weights of the corners of triangles ``[n, 3, 3]`` for the points in them that are nearest to one, shape ``[n, 3]``."""
-    found = corner_weights(corner, point)
-    outside = np.flatnonzero((found < 0.0).any(axis=1))
-    if len(outside):
-        # Then it is on one of the sides.
-        best = np.full(len(outside), np.inf)
-        for k in range(3):
-            start, end = corner[outside, k], corner[outside, (k + 1) % 3]
-            side = end - start
-            share = ((point - start) * side).sum(axis=1) / np.maximum((side * side).sum(axis=1), 1e-300)
-            share = np.clip(share, 0.0, 1.0)
-            away = np.linalg.norm(start + share[:, None] * side - point, axis=1)
-            nearer = away < best
-            best = np.where(nearer, away, best)
-            rows = outside[nearer]
-            found[rows] = 0.0
-            found[rows, k], found[rows, (k + 1) % 3] = 1.0 - share[nearer], share[nearer]
-    return found
 
 
 class SampledDensity:

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ...engine.problem.fixed_bodies import FixedBodies
-from ...engine.problem.unit_vectors import unit_vectors
+from ...engine.problem.unit_vectors import tangent_frame, unit_vectors
 from ..targets.target import extent_of
 from .display import shown_objects
 from .kept_ground import (
@@ -140,8 +140,6 @@ class Pins(NamedTuple):
 
     def _angle_on(self, normal: np.ndarray) -> np.ndarray:
         """Angles [rad] in the planes of the normals that the surface has now, ``[n, 3]``."""
-        from ...engine.solver.surface_line_rules import tangent_frame
-
         first, second = tangent_frame(self.normal)
         way = np.cos(self.angle)[:, None] * first + np.sin(self.angle)[:, None] * second
         way = np.einsum("nij,nj->ni", self.turned, way)

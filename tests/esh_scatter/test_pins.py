@@ -413,11 +413,11 @@ def test_live_goes_on_from_an_edited_result_when_it_is_switched_on_again(on_ball
 
 
 def test_the_nearest_point_of_a_surface_is_that_of_all_triangles():
-    from esh.engine.surface.whole_surface import _nearest_in
+    from esh.engine.problem.nearest_on_triangles import nearest_in
 
     random = np.random.default_rng(2)
     corner, point = random.normal(size=(200, 3, 3)), np.array([0.4, -0.3, 0.2])
-    weight = _nearest_in(corner, point)
+    weight = nearest_in(corner, point)
     assert (weight >= -1e-12).all()
     np.testing.assert_allclose(weight.sum(axis=1), 1.0)
     found = np.linalg.norm(np.einsum("nk,nkd->nd", weight, corner) - point, axis=1)

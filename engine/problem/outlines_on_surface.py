@@ -1,0 +1,286 @@
+"""Obstacles that are outlines on a surface: where they lie, and how far points of it are from them.
+
+Everything here is told by the outlines themselves, each in the plane between the two that touch the smooth surface at it and at a
+point, as outlines of bodies meet each other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from weakref import ref
+
+import numpy as np
+
+from .footprint import Footprint
+from .nearest_on_triangles import corner_weights, nearest_on_triangles
+from .obstacles import Obstacle
+from .surface import PointsOnSurface, Surface
+from .unit_vectors import tangent_frame, unit_vectors
+
+__all__ = ["OutlinesOnSurface", "distance_from_outline", "outlines_on_surface"]
+
+# Bodies on one sheet see each other along it. Where the way between them leaves the two planes by this much more [rad] than these are
+# turned, they lie on two sheets, one above the other.
+STEEPER = math.pi / 3.0
+# Levels of size, each of outlines within a factor of two; whatever is smaller still goes into the last.
+MOST_LEVELS = 12
+# Points that are looked at together.
+POINTS_AT_ONCE = 200_000
+
+
+@dataclass(frozen=True, eq=False)
+class OutlinesOnSurface:
+    """Outlines that lie on a surface; arrays of shape ``[m]`` unless said otherwise, lengths in meters.
+
+    Attributes:
+        shapes: The outlines that there are, without margins.
+        shape: Which of them each is, int32.
+        scale: Factor on it.
+        margin: How far bodies keep off its edge.
+        points: Where on the surface the origins are.
+        position: The same, shape ``[m, 3]``.
+        normal: Where the smooth surface looks to there, shape ``[m, 3]``.
+        along: Where their x axes point along that, shape ``[m, 3]``.
+    """
+
+    shapes: tuple[Footprint, ...]
+    shape: np.ndarray
+    scale: np.ndarray
+    margin: np.ndarray
+    points: PointsOnSurface
+    position: np.ndarray
+    normal: np.ndarray
+    along: np.ndarray
+    _known: list[tuple[ref[PointsOnSurface], float, np.ndarray]] = field(default_factory=list, init=False, repr=False)
+
+    def __len__(self) -> int:
+        return len(self.shape)
+
+    @cached_property
+    def rounding(self) -> np.ndarray:
+        """Radius around the scaled cores, margins among it."""
+        return np.array([one.rounding for one in self.shapes] + [0.0])[self.shape] * self.scale + self.margin
+
+    @cached_property
+    def reach(self) -> np.ndarray:
+        """How far they reach from their origins, with their margins."""
+        return np.array([one.circumradius for one in self.shapes] + [0.0])[self.shape] * self.scale + self.margin
+
+    def larger_than(self, reach: float) -> OutlinesOnSurface:
+        """Those that reach farther [m]."""
+        return self._some(self.reach > reach)
+
+    def smaller_than(self, reach: float) -> OutlinesOnSurface:
+        """All others."""
+        return self._some(self.reach <= reach)
+
+    def _some(self, chosen: np.ndarray) -> OutlinesOnSurface:
+        points = self.points
+        return OutlinesOnSurface(
+            self.shapes,
+            self.shape[chosen],
+            self.scale[chosen],
+            self.margin[chosen],
+            points.surface.points(points.triangle[chosen], points.barycentric[chosen]),
+            self.position[chosen],
+            self.normal[chosen],
+            self.along[chosen],
+        )
+
+    def free(self, points: PointsOnSurface, edge: float) -> np.ndarray:
+        """Return what outlines leave of a density at points, shape ``[n]``: it ends within an edge so wide [m]."""
+        for known, width, values in self._known:
+            # Classes that ask for the same points have it worked out once.
+            if known() is points and width == edge:
+                return values
+        values = np.clip(0.5 + self.distance(points, 0.5 * edge) / edge, 0.0, 1.0)
+        self._known[:] = [(ref(points), edge, values)]
+        return values
+
+    def distance(self, points: PointsOnSurface, most: float) -> np.ndarray:
+        """Return how far points of the surface are from the nearest outline with its margin [m], shape ``[n]``.
+
+        It is below 0 within one, and ``most`` where none is so near.
+        """
+        position, normal = points.position, points.normal
+        result = np.full(len(position), most)
+        if not len(self):
+            return result
+        for level in self._levels(most):
+            for first in range(0, len(position), POINTS_AT_ONCE):
+                some = slice(first, first + POINTS_AT_ONCE)
+                row, outline = level.near(position[some])
+                self._bring_nearer(result[some], position[some], normal[some], row, outline, most)
+        return result
+
+    def _levels(self, most: float) -> Iterator[_Level]:
+        level = np.clip(np.log2(self.reach.max() / self.reach), 0, MOST_LEVELS - 1).astype(int)
+        for number in np.unique(level).tolist():
+            own = np.flatnonzero(level == number)
+            yield _Level(own, self.position[own], float(self.reach[own].max()) + most)
+
+    def _bring_nearer(
+        self,
+        result: np.ndarray,
+        position: np.ndarray,
+        normal: np.ndarray,
+        row: np.ndarray,
+        outline: np.ndarray,
+        most: float,
+    ) -> None:
+        """Bring the distances of some couples of a point and an outline into those of the points."""
+        way = position[row] - self.position[outline]
+        away = np.sqrt(np.einsum("nd,nd->n", way, way))
+        near = np.flatnonzero(away < self.reach[outline] + most)
+        row, outline, way, away = row[near], outline[near], way[near], away[near]
+        here, there = normal[row], self.normal[outline]
+        seen = np.flatnonzero(_on_one_sheet(way, away, here, there))
+        row, outline, way, away = row[seen], outline[seen], way[seen], away[seen]
+        x, y = self._seen_from(outline, way, away, here[seen])
+        found = np.full(len(row), most)
+        for number in np.unique(self.shape[outline]).tolist():
+            own = np.flatnonzero(self.shape[outline] == number)
+            place = np.stack([x[own], y[own]], axis=1) / self.scale[outline[own], None]
+            core = distance_from_outline(place, self.shapes[number].corners)
+            found[own] = core * self.scale[outline[own]] - self.rounding[outline[own]]
+        np.minimum.at(result, row, found)
+
+    def _seen_from(
+        self, outline: np.ndarray, way: np.ndarray, away: np.ndarray, normal: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Where points at a way from outlines are in their frames: as far off as in a straight line."""
+        own = self.normal[outline]
+        between = unit_vectors(own + normal)
+        flat = way - np.einsum("nd,nd->n", way, between)[:, None] * between
+        flat *= (away / np.maximum(np.linalg.norm(flat, axis=1), 1e-300))[:, None]
+        flat = _turned(flat, between, own)
+        along = self.along[outline]
+        beside = np.cross(own, along)
+        return np.einsum("nd,nd->n", flat, along), np.einsum("nd,nd->n", flat, beside)
+
+
+class _Level:
+    """Outlines of about one size in cells as large as they reach: each is in all cells that it reaches into.
+
+    Args:
+        number: Which outlines.
+        position: Where they are.
+        reach: How far any of them reaches.
+    """
+
+    def __init__(self, number: np.ndarray, position: np.ndarray, reach: float) -> None:
+        self._size = reach
+        low, high = np.floor((position - reach) / reach), np.floor((position + reach) / reach)
+        self._low = low.min(axis=0)
+        self._extent = (high.max(axis=0) - self._low + 1.0).astype(np.int64)
+        steps = np.stack(np.meshgrid(*3 * [np.arange(3)], indexing="ij"), axis=-1).reshape(-1, 3)
+        cell = low[:, None] + steps
+        there = (cell <= high[:, None]).all(axis=2)
+        key = self._keys(cell)[there]
+        member = np.broadcast_to(number[:, None], there.shape)[there]
+        order = np.argsort(key, kind="stable")
+        self._key, self._member = key[order], member[order]
+
+    def _keys(self, cell: np.ndarray) -> np.ndarray:
+        """Numbers of cells; -1 of those in which nothing can be."""
+        at = (cell - self._low).astype(np.int64)
+        inside = ((at >= 0) & (at < self._extent)).all(axis=-1)
+        key = (at[..., 0] * self._extent[1] + at[..., 1]) * self._extent[2] + at[..., 2]
+        return np.where(inside, key, -1)
+
+    def near(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Couples of a position, by its number, and an outline that may be near it."""
+        key = self._keys(np.floor(position / self._size))
+        first = np.searchsorted(self._key, key)
+        count = np.searchsorted(self._key, key, side="right") - first
+        row = np.repeat(np.arange(len(key)), count)
+        within = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+        return row, self._member[first[row] + within]
+
+
+def outlines_on_surface(surface: Surface, obstacles: Sequence[Obstacle]) -> OutlinesOnSurface:
+    """Return those of some obstacles that are outlines on a surface, where they lie on it."""
+    shapes: list[Footprint] = []
+    lying: list[tuple[Obstacle, np.ndarray, int]] = []
+    for obstacle in obstacles:
+        if obstacle.position is None:
+            continue
+        number = len(np.asarray(obstacle.position))
+        for core in obstacle.cores:
+            lying.append((obstacle, np.full(number, len(shapes), np.int32), number))
+            shapes.append(core)
+
+    def of_all(values: Sequence[np.ndarray], empty: np.ndarray) -> np.ndarray:
+        return np.concatenate([empty, *values])
+
+    place = [_places(surface, obstacle) for obstacle, _, _ in lying]
+    points = surface.points(
+        of_all([triangle for triangle, _ in place], np.empty(0, np.int64)),
+        of_all([weight for _, weight in place], np.empty((0, 3))),
+    )
+    face, normal = points.normal, points.smooth_normal
+    along = tangent_frame(face)[0]
+    given = of_all(
+        [np.full((m, 3), np.nan) if one.tangent is None else np.asarray(one.tangent) for one, _, m in lying],
+        np.empty((0, 3)),
+    )
+    flat = given - np.einsum("nd,nd->n", given, face)[:, None] * face
+    # A tangent that stands upright says nothing.
+    told = np.linalg.norm(flat, axis=1) > 1e-6
+    along = np.where(told[:, None], unit_vectors(flat), along)
+    return OutlinesOnSurface(
+        tuple(shapes),
+        of_all([shape for _, shape, _ in lying], np.empty(0, np.int32)),
+        of_all([np.asarray(one.scale) for one, _, _ in lying], np.empty(0)),
+        of_all([np.full(m, one.margin) for one, _, m in lying], np.empty(0)),
+        points,
+        points.position,
+        normal,
+        _turned(along, face, normal),
+    )
+
+
+def _places(surface: Surface, obstacle: Obstacle) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of a surface that the places of an obstacle are on, and the weights of their corners."""
+    position = np.asarray(obstacle.position)
+    if obstacle.triangle is None:
+        corner = surface.position[surface.triangle]
+        looks = np.zeros(position.shape) if obstacle.normal is None else np.asarray(obstacle.normal)
+        return nearest_on_triangles(corner, position, looks)
+    mesh, triangle = np.asarray(obstacle.mesh), np.asarray(obstacle.triangle)
+    third = np.full((len(position), 3), 1.0 / 3.0)
+    own = surface.locate(mesh, triangle, third).triangle
+    weight = np.maximum(corner_weights(surface.position[surface.triangle[own]], position), 0.0)
+    return own, weight / weight.sum(axis=1, keepdims=True)
+
+
+def distance_from_outline(place: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Return how far places ``[n, 2]`` are from a convex polygon, a segment or a point, shape ``[n]``; below 0 within a polygon."""
+    squared = np.full(len(place), np.inf)
+    inside = np.full(len(place), len(corners) > 2)
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        edge, way = b - a, place - a
+        along = np.clip(way @ edge / max(float(edge @ edge), 1e-300), 0.0, 1.0)
+        off = way - along[:, None] * edge
+        np.minimum(squared, np.einsum("nd,nd->n", off, off), out=squared)
+        inside &= edge[0] * way[:, 1] - edge[1] * way[:, 0] >= 0.0
+    away = np.sqrt(squared)
+    return np.where(inside, -away, away)
+
+
+def _on_one_sheet(way: np.ndarray, away: np.ndarray, normal: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Whether what lies at ways from somewhere lies on the sheet of the surface that is there; normals here and there."""
+    cosine = np.einsum("nd,nd->n", normal, other)
+    apart = np.maximum(away, 1e-300)
+    leaves = np.arcsin(np.minimum(np.abs(np.einsum("nd,nd->n", way, normal)) / apart, 1.0))
+    leaves += np.arcsin(np.minimum(np.abs(np.einsum("nd,nd->n", way, other)) / apart, 1.0))
+    return (cosine > 0.0) & (leaves <= np.arccos(np.clip(cosine, -1.0, 1.0)) + STEEPER)
+
+
+def _turned(vector: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """Vectors at right angles to normals, turned the shortest way to where the normals are others, shape ``[n, 3]``."""
+    turn = np.einsum("nd,nd->n", new, vector) / np.maximum(1.0 + np.einsum("nd,nd->n", old, new), 0.05)
+    return vector - turn[:, None] * (old + new)
