@@ -305,10 +305,11 @@ class Obstacle(Settings):
 
     @cached_property
     def cores(self) -> tuple[Footprint, ...]:
-        """The same without the margin."""
+        """The same without the margin; of polygons that are convex, with however many corners, one outline."""
         if self.disc is not None:
             return (Footprint(np.array([self.disc[:2]]), self.disc[2]),)
-        return self._pieces(self._polygon_outline(0.0), 0.0)
+        outline = self._polygon_outline(0.0)
+        return self._pieces(None, 0.0) if outline is None else (outline,)
 
     def _pieces(self, outline: Footprint | None, margin: float) -> tuple[Footprint, ...]:
         if outline is not None and (self.polygon is None or len(self.polygon) <= MOST_CORNERS):

@@ -25,6 +25,8 @@ __all__ = ["OutlinesOnSurface", "distance_from_outline", "outlines_on_surface"]
 # Bodies on one sheet see each other along it. Where the way between them leaves the two planes by this much more [rad] than these are
 # turned, they lie on two sheets, one above the other.
 STEEPER = math.pi / 3.0
+# Normals that look away from a face by more than this cosine say nothing of the plane that a tangent lies in.
+STEEPEST = 0.2
 # Levels of size, each of outlines within a factor of two; whatever is smaller still goes into the last.
 MOST_LEVELS = 12
 # Points that are looked at together.
@@ -223,11 +225,19 @@ def outlines_on_surface(surface: Surface, obstacles: Sequence[Obstacle]) -> Outl
     )
     face, normal = points.normal, points.smooth_normal
     along = tangent_frame(face)[0]
-    given = of_all(
-        [np.full((m, 3), np.nan) if one.tangent is None else np.asarray(one.tangent) for one, _, m in lying],
-        np.empty((0, 3)),
-    )
-    flat = given - np.einsum("nd,nd->n", given, face)[:, None] * face
+
+    def directions(name: str) -> np.ndarray:
+        """One for each, NaN where none was given."""
+        given = [getattr(one, name) for one, _, _ in lying]
+        return of_all(
+            [
+                np.full((m, 3), np.nan) if d is None else np.asarray(d)
+                for d, (_, _, m) in zip(given, lying, strict=True)
+            ],
+            np.empty((0, 3)),
+        )
+
+    flat = _laid_onto(directions("tangent"), directions("normal"), face)
     # A tangent that stands upright says nothing.
     told = np.linalg.norm(flat, axis=1) > 1e-6
     along = np.where(told[:, None], unit_vectors(flat), along)
@@ -241,6 +251,14 @@ def outlines_on_surface(surface: Surface, obstacles: Sequence[Obstacle]) -> Outl
         normal,
         _turned(along, face, normal),
     )
+
+
+def _laid_onto(tangent: np.ndarray, normal: np.ndarray, face: np.ndarray) -> np.ndarray:
+    """Tangents laid onto the planes of faces along the normals that came with them, as those of bodies are laid into theirs."""
+    steep = ~(np.einsum("nd,nd->n", normal, face) > STEEPEST)
+    along = np.where(steep[:, None], face, normal)
+    height = np.einsum("nd,nd->n", tangent, face) / np.einsum("nd,nd->n", along, face)
+    return tangent - height[:, None] * along
 
 
 def _places(surface: Surface, obstacle: Obstacle) -> tuple[np.ndarray, np.ndarray]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from ..problem.nearest_on_triangles import nearest_on_triangles
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface, SurfaceMesh
 from ..problem.unit_vectors import unit_vectors
+from .near_surface import NearSurface
 from .surface_points import SurfacePoints
 from .triangle_mesh import TriangleMesh
 
@@ -64,6 +66,27 @@ class WholeSurface:
                 _lattice(cuts), (len(own), 1)
             )
         self.points = self._points(triangle, weight)
+
+    @cached_property
+    def step(self) -> float:
+        """How far apart neighbors of :attr:`points` are at most [m]."""
+        corner = self.mesh.position[self.mesh.triangle].astype(np.float64)
+        longest = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
+        return float((longest / self._cuts).max())
+
+    @cached_property
+    def near(self) -> NearSurface:
+        """Finds what of :attr:`surface` is near."""
+        return NearSurface(self.surface)
+
+    @cached_property
+    def on_surface(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return which of :attr:`points` lie on triangles of :attr:`surface`, and on which, shape ``[k]`` each: those with an area."""
+        number = np.full(len(self.mesh.triangle), -1)
+        number[self.surface.source] = np.arange(len(self.surface.source))
+        triangle = number[self.points.triangle]
+        row = np.flatnonzero(triangle >= 0)
+        return row, triangle[row]
 
     def with_mesh(self, mesh: TriangleMesh) -> WholeSurface:
         """Return the surface of a mesh of the same shape: only what it says at its points may be another."""

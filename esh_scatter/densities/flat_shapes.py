@@ -1,4 +1,4 @@
-"""Reading what densities keep near to or away from: objects, curves and collections, seen from above."""
+"""Reading what densities keep near to or away from, and what obstacles are: objects, curves and collections."""
 
 from __future__ import annotations
 
@@ -24,17 +24,21 @@ CORNERS_OF_INSTANCES, DIRECTIONS = 24, 256
 
 @dataclass(frozen=True, eq=False)
 class Shapes:
-    """Shapes seen from above as they were when they were read, in the world's x and y [m]: what any thread may look at.
+    """Shapes as they were when they were read, in the world [m]: what any thread may look at.
 
     Attributes:
         names: Of what was asked for.
-        triangle: Faces, edges without faces (two corners are the same) and points (all three are), shape ``[t, 3, 2]``, float64.
-        outlines: For each object the pieces of the closed outlines that its edges without faces make, shape ``[s, 2, 2]``, float64.
+        triangle: Faces, edges without faces (two corners are the same) and points (all three are), seen from above, shape
+            ``[t, 3, 2]``, float64.
+        outlines: For each object the pieces of the closed outlines that its edges without faces make, seen from above, shape
+            ``[s, 2, 2]``, float64.
+        solid: Faces, edges and points in space, shape ``[k, 3, 3]``, float64.
     """
 
     names: tuple[str, ...]
     triangle: np.ndarray
     outlines: tuple[np.ndarray, ...]
+    solid: np.ndarray
 
     @cached_property
     def checksum(self) -> Hashable:
@@ -45,6 +49,7 @@ class Shapes:
 class _Shape(NamedTuple):
     triangle: np.ndarray
     outline: np.ndarray
+    solid: np.ndarray
 
 
 def check_shapes(source: object, key: str) -> object:
@@ -83,13 +88,14 @@ def read_shapes(source: object, key: str, known: Known) -> Shapes:
     if isinstance(source, Shapes):
         return source
     context = bpy.context
-    triangles, outlines = [], []
+    triangles, outlines, solids = [], [], []
     for item in shape_objects(source, key):
         number = "shape", item.session_uid
         if number not in known:
             known[number] = list(_shapes_of(item, world_matrix(item, context), context))
         shapes: list[_Shape] = known[number]
         triangles += [shape.triangle for shape in shapes]
+        solids += [shape.solid for shape in shapes]
         outlines.append(np.concatenate([shape.outline for shape in shapes]) if shapes else np.empty((0, 2, 2)))
     triangle = np.concatenate(triangles) if triangles else np.empty((0, 3, 2))
     if not len(triangle):
@@ -97,7 +103,8 @@ def read_shapes(source: object, key: str, known: Known) -> Shapes:
     if not np.isfinite(triangle).all():
         raise ProblemError(f"{key} must be near something that has finite positions; some are NaN or infinite")
     items = source if isinstance(source, tuple) else (source,)
-    return Shapes(tuple(str(getattr(item, "name", item)) for item in items), triangle, tuple(outlines))
+    names = tuple(str(getattr(item, "name", item)) for item in items)
+    return Shapes(names, triangle, tuple(outlines), np.concatenate(solids))
 
 
 def _shapes_of(item: bpy.types.Object, matrix: np.ndarray, context: bpy.types.Context) -> Iterator[_Shape]:
@@ -118,7 +125,7 @@ def _shapes_of(item: bpy.types.Object, matrix: np.ndarray, context: bpy.types.Co
                 yield _points(matrix[None, :3, 3])
         elif len(mesh.polygons):
             read = read_triangles(mesh, matrix, item.name)
-            yield _Shape(read.position[read.triangle][..., :2], np.empty((0, 2, 2)))
+            yield _seen_from_above(read.position[read.triangle].astype(np.float64))
         elif len(mesh.edges):
             yield _edges(mesh, vertices_in_world(mesh, matrix), item.type == "CURVE")
         else:
@@ -152,7 +159,12 @@ def _instances_of(item: bpy.types.Object, context: bpy.types.Context) -> Iterato
         corner = np.take_along_axis(place, (place @ way).argmax(axis=1)[:, :, None], axis=1)
         first = np.broadcast_to(corner[:, :1], corner[:, 1:-1].shape)
         fan = np.stack([first, corner[:, 1:-1], corner[:, 2:]], axis=2)
-        yield _Shape(fan.reshape(-1, 3, 2), np.empty((0, 2, 2)))
+        # In space what counts is the ground that each covers at its origin, as of what is scattered.
+        own = position[(position[:, :2] @ way).argmax(axis=0), :2]
+        flat = np.einsum("nij,cj->nci", matrix[:, :3, :2], own) + matrix[:, None, :3, 3]
+        start = np.broadcast_to(flat[:, :1], flat[:, 1:-1].shape)
+        solid = np.stack([start, flat[:, 1:-1], flat[:, 2:]], axis=2)
+        yield _Shape(fan.reshape(-1, 3, 2), np.empty((0, 2, 2)), solid.reshape(-1, 3, 3))
 
 
 def _outermost(position: np.ndarray) -> np.ndarray:
@@ -167,8 +179,12 @@ def _outermost(position: np.ndarray) -> np.ndarray:
     return position[np.unique((position @ way).argmax(axis=0))]
 
 
+def _seen_from_above(solid: np.ndarray) -> _Shape:
+    return _Shape(solid[..., :2], np.empty((0, 2, 2)), solid)
+
+
 def _points(position: np.ndarray) -> _Shape:
-    return _Shape(np.repeat(position[:, None, :2], 3, axis=1), np.empty((0, 2, 2)))
+    return _seen_from_above(np.repeat(position[:, None], 3, axis=1))
 
 
 def _edges(mesh: bpy.types.Mesh, position: np.ndarray, closed: bool) -> _Shape:
@@ -181,4 +197,4 @@ def _edges(mesh: bpy.types.Mesh, position: np.ndarray, closed: bool) -> _Shape:
     if closed and len(ends) % 2 == 0:
         # Of curves, vertices follow one another: two ends in a row are those of one spline.
         outline = np.concatenate([segment, position[ends.reshape(-1, 2)][..., :2]])
-    return _Shape(segment[:, [0, 1, 1]], outline)
+    return _Shape(segment[:, [0, 1, 1]], outline, position[edge][:, [0, 1, 1]])

@@ -30,6 +30,7 @@ __all__ = [
     "CLASSES_OF_POINTS",
     "FIT",
     "LOWEST_POINTS",
+    "MIDDLE",
     "NORMAL",
     "PINNED",
     "PLACED_AT",
@@ -64,7 +65,7 @@ PLACED_AT = "placed_at"
 TO_ORIGIN = "lift"
 
 NORMAL, FIT = "ground_normal", "fit"
-_HEADING, _LONG, _MIDDLE = "heading", "long", "middle"
+_HEADING, _LONG, MIDDLE = "heading", "long", "middle"
 _LAID, _LOOKS = "laid", "looks"
 _FIELDS: dict[str, tuple[str, int, Any]] = {
     "FLOAT": ("value", 1, np.float32),
@@ -86,7 +87,7 @@ def ground_attributes(ground: Ground, to_origin: np.ndarray) -> dict[str, tuple[
     if ground.long.any():
         kept[_LONG] = ("BOOLEAN", ground.long)
     if ground.middle.any() or ground.axis.any():
-        kept[_MIDDLE] = ("FLOAT_VECTOR", np.column_stack([ground.middle, ground.axis]))
+        kept[MIDDLE] = ("FLOAT_VECTOR", np.column_stack([ground.middle, ground.axis]))
     if ground.laid.any():
         kept[_LAID] = ("BOOLEAN", ground.laid)
     if ground.looks.any():
@@ -111,7 +112,7 @@ def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing, 
     own = _points_of(mesh, class_number)
     count = len(mesh.vertices)
     _look_anew(result, own, standing, look_at)
-    middle = read_attribute(mesh, _MIDDLE) if _MIDDLE in mesh.attributes else np.zeros((count, 3), np.float32)
+    middle = read_attribute(mesh, MIDDLE) if MIDDLE in mesh.attributes else np.zeros((count, 3), np.float32)
     ground = Ground(
         read_attribute(mesh, "id"),
         read_attribute(mesh, NORMAL),

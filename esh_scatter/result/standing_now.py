@@ -11,7 +11,7 @@ from ...engine.problem.unit_vectors import unit_vectors
 from ...engine.surface.instances import body_rotations, rotate
 from ..targets.evaluated_mesh import evaluated_mesh, in_world, vertices_in_world
 from .display import get_inputs, our_modifier
-from .kept_ground import read_attribute
+from .kept_ground import MIDDLE, NORMAL, TO_ORIGIN, body_places, read_attribute
 from .node_group import (
     ALIGN,
     CORNERS,
@@ -27,7 +27,7 @@ from .node_group import (
     followed_targets,
 )
 
-__all__ = ["MovedWith", "StandingNow", "moved_with", "raised", "rotations", "standing_now"]
+__all__ = ["LyingNow", "MovedWith", "StandingNow", "lying_now", "moved_with", "raised", "rotations", "standing_now"]
 
 # Parts of a rotation by less than this are what rounding makes [rad].
 LEAST_TURN = 1e-5
@@ -38,6 +38,24 @@ class StandingNow(NamedTuple):
 
     position: np.ndarray
     axes: np.ndarray
+
+
+class LyingNow(NamedTuple):
+    """Outlines of a result's objects, in the order of its points, as they lie along its surface.
+
+    Attributes:
+        position: Where bodies are on the surface, in the world [m], shape ``[n, 3]``.
+        normal: Where the surface looks to there, shape ``[n, 3]``.
+        along: Where the x axes of objects point along it, shape ``[n, 3]``.
+        scale: Of objects, shape ``[n]``.
+        middle: What of an object at scale 1 is where its body is, seen from its origin [m], shape ``[n, 2]``.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    along: np.ndarray
+    scale: np.ndarray
+    middle: np.ndarray
 
 
 class MovedWith(NamedTuple):
@@ -55,6 +73,39 @@ def standing_now(result: bpy.types.Object, context: bpy.types.Context) -> Standi
     now = moved_with(result, position, context)
     world = np.array(result.matrix_world, np.float64)
     return StandingNow(in_world(now.position, world), world[:3, :3] @ now.turned @ rotation * scale[:, None, :])
+
+
+def lying_now(result: bpy.types.Object, context: bpy.types.Context) -> LyingNow:
+    """Return how the outlines of all objects of a result lie along its surface now: as they do while they are parted."""
+    mesh = result.data
+    axes = standing_now(result, context).axes
+    world = np.array(result.matrix_world, np.float64)
+    known = TO_ORIGIN in mesh.attributes and NORMAL in mesh.attributes
+    place = body_places(mesh) if known else read_attribute(mesh, "position").astype(np.float64)
+    now = moved_with(result, place, context)
+    up = unit_vectors(axes[:, :, 2])
+    normal = up
+    if known:
+        # Of what is scaled unevenly planes turn otherwise than lines.
+        cofactors = np.cross(world[[1, 2, 0], :3], world[[2, 0, 1], :3])
+        looks = np.einsum("nij,nj->ni", now.turned, read_attribute(mesh, NORMAL).astype(np.float64))
+        mirrored = -1.0 if np.linalg.det(world[:3, :3]) < 0.0 else 1.0
+        normal = unit_vectors(mirrored * looks @ cofactors.T)
+    middle = read_attribute(mesh, MIDDLE)[:, :2] if MIDDLE in mesh.attributes else np.zeros((len(axes), 2))
+    length = np.linalg.norm(axes[:, :, :2], axis=1)
+    along = _leant(unit_vectors(axes[:, :, 0]), up, normal)
+    return LyingNow(
+        in_world(now.position, world), normal, along, np.sqrt(length.prod(axis=1)), middle.astype(np.float64)
+    )
+
+
+def _leant(vector: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """Return vectors turned as the shortest way from one direction to another does; half a turn is about y, ``[n, 3]`` each."""
+    axis = np.cross(old, new)
+    cosine = (old * new).sum(axis=1, keepdims=True)
+    once = np.cross(axis, vector)
+    turned = vector + once + np.cross(axis, once) / np.maximum(1.0 + cosine, 1e-12)
+    return np.where(cosine < -1.0 + 1e-9, vector * [-1.0, 1.0, -1.0], turned)
 
 
 def moved_with(result: bpy.types.Object, position: np.ndarray, context: bpy.types.Context) -> MovedWith:

@@ -47,7 +47,8 @@ from ..result.result_points import ResultPoints, overlap_attributes, point_attri
 from ..targets.references import Reference
 from ..targets.target import check_exists, is_result
 from ..targets.targets import Target, Targets, read_targets
-from .obstacles import ObstacleSource, StoredObstacle, covered, obstacles_in, read_obstacles
+from .obstacles import ObstacleSource, StoredObstacle, obstacles_in, read_obstacles
+from .obstacles_on_surface import obstacles_on
 
 __all__ = ["ScatterJob", "ScatterResult"]
 
@@ -231,7 +232,7 @@ class ScatterJob:
         if reading.obstacles and isinstance(self.chart, Chart):
             obstacles = obstacles_in(reading.obstacles, self.chart, survey)
         elif reading.obstacles:
-            free = ~covered(reading.obstacles, self.chart.points.position, survey)
+            free, obstacles = obstacles_on(reading.obstacles, self.chart, self._shapes, survey)
             values_of_classes = [values * free for values in values_of_classes]
         self.problem = Problem(
             domain,

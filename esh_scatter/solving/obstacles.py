@@ -1,8 +1,12 @@
-"""What objects keep off: other objects, collections, curves with a width, and what other scatters have placed, all seen from above."""
+"""What objects keep off: other objects, collections, curves with a width, and what other scatters have placed.
+
+Here they are read, and laid into the rectangle of a chart, where they count as they are seen from above; what they are on a whole
+surface says :mod:`.obstacles_on_surface`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -20,7 +24,7 @@ from ..densities.flat_shapes import check_shapes, read_shapes, shape_objects
 from ..result.display import shown_objects
 from ..result.kept_ground import read_attribute
 from ..result.node_group import INSTANCE_INDEX
-from ..result.standing_now import standing_now
+from ..result.standing_now import LyingNow, lying_now, standing_now
 from ..targets.target import is_result
 
 # Warp is not imported before something is computed.
@@ -33,7 +37,7 @@ __all__ = [
     "ObstacleSource",
     "ScatterObstacle",
     "StoredObstacle",
-    "covered",
+    "Stood",
     "obstacles_in",
     "read_obstacles",
 ]
@@ -53,10 +57,12 @@ KEY = "`obstacles`"
 @described
 @dataclass(frozen=True, eq=False)
 class ScatterObstacle(Settings):
-    """Something that objects keep off, seen from above.
+    """Something that objects keep off.
 
-    Faces cover the ground below and above them. Edges without faces, as curves have, and single points do so as far as ``width`` says.
-    Of the result of another scatter, every object counts with its outline as it stands there.
+    Seen from above, faces cover the ground below and above them. Edges without faces, as curves have, and single points do so as far as
+    ``width`` says. On a whole surface all of these cover what of it is nearest to them, if they are near: no farther off than a quarter
+    of their width; and closed meshes what lies inside them. Of the result of another scatter, every object counts with its outline as
+    it stands there.
     """
 
     source: bpy.types.Object | bpy.types.Collection | Sequence[bpy.types.Object | bpy.types.Collection] = field(
@@ -105,7 +111,7 @@ ObstacleSource: TypeAlias = ScatterObstacle | FreePlace | bpy.types.Object | bpy
 
 
 @dataclass(frozen=True, eq=False)
-class _Stood:
+class Stood:
     """What another scatter has placed.
 
     Attributes:
@@ -113,12 +119,26 @@ class _Stood:
         axes: Where the x and y axes of its outlines point there, in columns, as long as a meter of them is [m], shape ``[n, 2, 2]``.
         variant: Which of the meshes, shape ``[n]``.
         meshes: What is placed, at scale 1; None where it has no faces.
+        lying: How its outlines lie along its own surface.
     """
 
     position: np.ndarray
     axes: np.ndarray
     variant: np.ndarray
     meshes: tuple[TriangleMesh | None, ...]
+    lying: LyingNow
+
+    def outlines(self, survey: Survey) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Give of every mesh that covers ground which ones it is, shape ``[n]``, and its outline's corners at scale 1, ``[k, 2]``."""
+        for number, mesh in enumerate(self.meshes):
+            own = np.flatnonzero(self.variant == number)
+            if mesh is None or not len(own):
+                continue
+            try:
+                corners = np.array(survey.outline(mesh, KEY).corners)
+            except ProblemError:  # it covers no ground
+                continue
+            yield own, corners
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,13 +149,15 @@ class StoredObstacle:
         shapes: Of every object faces, edges and points in the world's x and y [m], shape ``[t, 3, 2]``.
         stood: What other scatters have placed.
         reach: How far it reaches beyond these [m].
-        middle: On a whole surface it is a ball around this, in the world [m]; None for what is seen from above there, too.
+        place: Where something was removed, in the world [m]; what it is at a height that nobody knows has one of NaN.
+        solids: Of every object faces, edges and points in space [m], shape ``[t, 3, 3]``.
     """
 
     shapes: tuple[np.ndarray, ...]
-    stood: tuple[_Stood, ...]
+    stood: tuple[Stood, ...]
     reach: float
-    middle: tuple[float, float, float] | None = None
+    place: tuple[float, float, float] | None = None
+    solids: tuple[np.ndarray, ...] = ()
 
     def triangles(self, survey: Survey) -> np.ndarray:
         """All of it, with the outlines of what other scatters have placed, shape ``[t, 3, 2]``."""
@@ -163,24 +185,26 @@ def _read(entry: object, known: Known, without: set[int]) -> StoredObstacle:
     if isinstance(entry, bpy.types.Object | bpy.types.Collection):
         entry = ScatterObstacle(entry)
     if isinstance(entry, FreePlace):
-        middle = None if entry.z is None else (entry.x, entry.y, entry.z)
-        return StoredObstacle((np.full((1, 3, 2), (entry.x, entry.y), np.float64),), (), entry.radius, middle)
+        place = entry.x, entry.y, np.nan if entry.z is None else entry.z
+        return StoredObstacle((np.full((1, 3, 2), place[:2], np.float64),), (), entry.radius, place)
     if not isinstance(entry, ScatterObstacle):
         raise ProblemError(
             f"{KEY} must be a list of ScatterObstacle, objects and collections; got {show(entry)} among them"
         )
-    shapes, stood = [], []
+    shapes, stood, solids = [], [], []
     for item in shape_objects(entry.source, KEY):
         if item.session_uid in without:
             continue
         if is_result(item):
             stood.append(_read_result(item))
         else:
-            shapes.append(read_shapes(item, KEY, known).triangle)
-    return StoredObstacle(tuple(shapes), tuple(stood), 0.5 * entry.width + entry.margin)
+            read = read_shapes(item, KEY, known)
+            shapes.append(read.triangle)
+            solids.append(read.solid)
+    return StoredObstacle(tuple(shapes), tuple(stood), 0.5 * entry.width + entry.margin, solids=tuple(solids))
 
 
-def _read_result(item: bpy.types.Object) -> _Stood:
+def _read_result(item: bpy.types.Object) -> Stood:
     from ..classes.object_outline import read_source
 
     stands = standing_now(item, bpy.context)
@@ -192,7 +216,8 @@ def _read_result(item: bpy.types.Object) -> _Stood:
         except ProblemError:
             meshes.append(None)
     # Seen from above, as outlines on slopes are while they are parted.
-    return _Stood(stands.position[:, :2], stands.axes[:, :2, :2], variant, tuple(meshes))
+    lying = lying_now(item, bpy.context)
+    return Stood(stands.position[:, :2], stands.axes[:, :2, :2], variant, tuple(meshes), lying)
 
 
 def obstacles_in(obstacles: Sequence[StoredObstacle], chart: Chart, survey: Survey) -> list[Obstacle]:
@@ -273,35 +298,12 @@ def obstacle_image(drawn: Sequence[tuple[np.ndarray, float]], size: np.ndarray) 
     return Obstacle(image=image) if image.any() else None
 
 
-def covered(obstacles: Sequence[StoredObstacle], position: np.ndarray, survey: Survey) -> np.ndarray:
-    """Return which points of a whole surface ``[n, 3]`` [m] obstacles cover, in balls or seen from above; asks nothing of Blender."""
-    from ...engine.surface.shapes_from_above import FlatShapes
-
-    found = np.zeros(len(position), bool)
-    for obstacle in obstacles:
-        if obstacle.middle is not None:
-            found |= np.linalg.norm(position - obstacle.middle, axis=1) <= obstacle.reach
-            continue
-        triangle = obstacle.triangles(survey)
-        if len(triangle):
-            reach = max(obstacle.reach, 1e-6 * float(np.ptp(triangle, axis=(0, 1)).max()))
-            found |= FlatShapes(triangle).distance(position, 1.01 * reach) <= reach
-    return found
-
-
-def _outlines(stood: _Stood, survey: Survey) -> list[np.ndarray]:
+def _outlines(stood: Stood, survey: Survey) -> list[np.ndarray]:
     """Return corners of the convex outlines of what stands, of each mesh those of shape ``[n, k, 2]``."""
-    found = []
-    for number, mesh in enumerate(stood.meshes):
-        own = np.flatnonzero(stood.variant == number)
-        if mesh is None or not len(own):
-            continue
-        try:
-            corners = np.array(survey.outline(mesh, KEY).corners)
-        except ProblemError:  # it covers no ground
-            continue
-        found.append(stood.position[own][:, None] + np.einsum("nij,kj->nki", stood.axes[own], corners))
-    return found
+    return [
+        stood.position[own][:, None] + np.einsum("nij,kj->nki", stood.axes[own], corners)
+        for own, corners in stood.outlines(survey)
+    ]
 
 
 def _fan(corners: np.ndarray) -> np.ndarray:
