@@ -51,7 +51,7 @@ def find_nearest(
     face: wp.array(dtype=wp.int32),
     nearest: wp.array(dtype=wp.vec3),
 ):
-    """The point of a mesh that is nearest to every place, of faces that look along ``looks`` where that is no null; -1: none is near."""
+    """The point of a mesh that is nearest to every place, of faces that look along ``looks`` where that is not 0; -1: none is near."""
     i = first + wp.tid()
     p = position[i]
     along = looks[i]

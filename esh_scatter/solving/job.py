@@ -232,6 +232,7 @@ class ScatterJob:
         if reading.obstacles and isinstance(self.chart, Chart):
             obstacles = obstacles_in(reading.obstacles, self.chart, survey)
         elif reading.obstacles:
+            assert isinstance(self.chart, WholeSurface)
             free, obstacles = obstacles_on(reading.obstacles, self.chart, self._shapes, survey)
             values_of_classes = [values * free for values in values_of_classes]
         self.problem = Problem(

@@ -36,8 +36,8 @@ __all__ = [
     "FreePlace",
     "ObstacleSource",
     "ScatterObstacle",
-    "StoredObstacle",
     "Stood",
+    "StoredObstacle",
     "obstacles_in",
     "read_obstacles",
 ]
@@ -59,10 +59,10 @@ KEY = "`obstacles`"
 class ScatterObstacle(Settings):
     """Something that objects keep off.
 
-    Seen from above, faces cover the ground below and above them. Edges without faces, as curves have, and single points do so as far as
-    ``width`` says. On a whole surface all of these cover what of it is nearest to them, if they are near: no farther off than a quarter
-    of their width; and closed meshes what lies inside them. Of the result of another scatter, every object counts with its outline as
-    it stands there.
+    Seen from above, faces cover the ground below and above them. Edges without faces, as curves have, and single points do so as far
+    as ``width`` says. On a whole surface all of these cover what of it is nearest to them, if they are near: no farther off than a
+    quarter of their width; and closed meshes what lies inside them. Of the result of another scatter, every object counts with its
+    outline as it stands there.
     """
 
     source: bpy.types.Object | bpy.types.Collection | Sequence[bpy.types.Object | bpy.types.Collection] = field(

@@ -18,7 +18,7 @@ from ...engine.surface.near_surface import COVERS_STEP, NearSurface, PlacesNear,
 from ...engine.surface.whole_surface import WholeSurface
 from ..classes.sources import SizeShape
 from ..classes.survey import Survey
-from .obstacles import StoredObstacle, Stood
+from .obstacles import Stood, StoredObstacle
 
 __all__ = ["OnSurface", "obstacles_on"]
 
