@@ -29,6 +29,8 @@ STEEPER = math.pi / 3.0
 STEEPEST = 0.2
 # Levels of size, each of outlines within a factor of two; whatever is smaller still goes into the last.
 MOST_LEVELS = 12
+# Points whose share is remembered, at most so many times some.
+MOST_KNOWN = 4
 # Points that are looked at together.
 POINTS_AT_ONCE = 200_000
 
@@ -99,7 +101,7 @@ class OutlinesOnSurface:
             if known() is points and width == edge:
                 return values
         values = np.clip(0.5 + self.distance(points, 0.5 * edge) / edge, 0.0, 1.0)
-        self._known[:] = [(ref(points), edge, values)]
+        self._known[:] = [*self._known[1 - MOST_KNOWN :], (ref(points), edge, values)]
         return values
 
     def distance(self, points: PointsOnSurface, most: float) -> np.ndarray:

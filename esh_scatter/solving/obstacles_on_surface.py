@@ -28,6 +28,10 @@ NEAR = 0.25
 STEP_OF_BODY = 0.5
 STEPS_OF_SHAPE = 8.0
 MOST_SAMPLES = 200_000
+# Of discs that are nearer to each other than so many steps some are enough.
+BETWEEN_DISCS = 0.7
+# How far the edge of a row of discs may wave, over the radius of the smallest body.
+WAVES = 0.05
 # Discs that have only covered ground around them, so many steps wide, meet nobody.
 STEPS_OF_RIM = 2.0
 
@@ -122,9 +126,10 @@ def _covering(
         return []
     step = min(STEP_OF_BODY * smallest, width / STEPS_OF_SHAPE if width > 0.0 else math.inf)
     area = 0.5 * np.linalg.norm(np.cross(own[:, 1] - own[:, 0], own[:, 2] - own[:, 0]), axis=1).sum()
-    step = max(step, math.sqrt(area / MOST_SAMPLES))
+    # The edge of a row of wide discs is hardly less straight where they are farther apart.
+    step = max(step, math.sqrt(area / MOST_SAMPLES), min(reach, math.sqrt(8.0 * WAVES * smallest * reach)))
     samples = samples_of(own, step)
-    places = _thinned(near.nearest(samples, np.full(len(samples), farthest)), 0.5 * step)
+    places = near.nearest(samples, np.full(len(samples), farthest))
     radius = max(reach, COVERS_STEP * step)
     row, triangle = chart.on_surface
     position, normal = points.position[row], surface.normal[triangle]
@@ -132,7 +137,8 @@ def _covering(
     near.covered_by(places, radius, position, normal, taken)
     covered[row] = taken
     free &= covered == 0
-    # Of the discs those that see something free.
+    # Of some discs those that see something free.
+    places = _thinned(places, BETWEEN_DISCS * step)
     left = np.flatnonzero(taken == 0)
     rim = np.zeros(len(places.row), np.uint8)
     uncovered = PlacesNear(left, triangle[left], position[left])
