@@ -31,6 +31,8 @@ __all__ = ["LyingNow", "MovedWith", "StandingNow", "lying_now", "moved_with", "r
 
 # Parts of a rotation by less than this are what rounding makes [rad].
 LEAST_TURN = 1e-5
+# Directions whose angle has a smaller sine are parallel.
+PARALLEL = 1e-6
 
 
 class StandingNow(NamedTuple):
@@ -176,9 +178,17 @@ def _follow(mesh: bpy.types.Mesh, position: np.ndarray, vertices: list[np.ndarra
 
 
 def _frames(main: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return rotations ``[n, 3, 3]`` whose third axis is ``main``, and whose first one is as near to ``second`` as can be."""
+    """Return rotations ``[n, 3, 3]`` whose third axis is ``main``, and whose first one is as near to ``second`` as can be.
+
+    Where these are parallel, as a vertical edge of a wall is with what is upright, it is as near to x or y.
+    """
     z = unit_vectors(main)
-    x = unit_vectors(second - (second * z).sum(axis=1, keepdims=True) * z)
+    x = second - (second * z).sum(axis=1, keepdims=True) * z
+    parallel = np.linalg.norm(x, axis=1) <= PARALLEL * np.linalg.norm(second, axis=1)
+    if parallel.any():
+        other = np.where(np.abs(z[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+        x = np.where(parallel[:, None], other - (other * z).sum(axis=1, keepdims=True) * z, x)
+    x = unit_vectors(x)
     return np.stack([x, np.cross(z, x), z], axis=2)
 
 

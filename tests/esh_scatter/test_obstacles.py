@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
+shapely = pytest.importorskip("shapely")
 
 import esh  # noqa: E402
 from esh import EshError, ScatterClass, ScatterObstacle, ScatterSize, scatter  # noqa: E402
@@ -225,13 +226,232 @@ def test_what_is_no_obstacle_is_refused(ground, tree, obstacles, said):
     assert esh.ScatterObstacle is ScatterObstacle
 
 
-def test_the_whole_surface_of_a_target_is_kept_free_as_well(tree):
-    bpy.ops.mesh.primitive_uv_sphere_add(radius=5.0, segments=64, ring_count=32)
-    ball = bpy.context.object
-    classes = [ScatterClass("tree", [ScatterSize("s", 200, tree)])]
-    result = scatter(ball, classes, **OPTIONS, surface="whole", obstacles=[house((0, 0, 20), 4.0)])
-    away = from_box(result.instances.position[:, :2], (0, 0), 2.0)
-    assert (away == 0.0).mean() < 0.02
+def tile(name="Tile", length=0.6, width=0.4):
+    mesh = bpy.data.meshes.new(name)
+    x, y = 0.5 * length, 0.5 * width
+    mesh.from_pydata([(-x, -y, 0), (x, -y, 0), (x, y, 0), (-x, y, 0)], [], [(0, 1, 2, 3)])
+    item = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(item)
+    return item
+
+
+def wall(thickness=0.02, location=(0, 0, 0), mirrored=False):
+    bpy.ops.mesh.primitive_cube_add(size=1, location=location)
+    item = bpy.context.object
+    item.scale = (-thickness if mirrored else thickness, 6, 6)
+    bpy.context.view_layer.update()
+    return item
+
+
+def on_surface(target, source, count, name, seed, **named):
+    classes = [ScatterClass("a", [ScatterSize("s", count, source)])]
+    return scatter(target, classes, name=name, seed=seed, surface="whole", **(OPTIONS | {"max_steps": 60} | named))
+
+
+def outlines(result, length=0.6, width=0.4):
+    """Outlines of tiles on faces that look along x, by the side that they stand on, from positions and rotations alone."""
+    w, x, y, z = result.instances.rotation.T.astype(np.float64)
+    along = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1)
+    up = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
+    beside = np.cross(up, along)
+    corners = 0.5 * np.array([[-length, -width], [length, -width], [length, width], [-length, width]])
+    found = {side: [] for side in (-1, 1)}
+    scale = result.instances.scale[:, None]
+    for p, u, v, n, s in zip(result.instances.position.astype(np.float64), along, beside, up, scale, strict=True):
+        if abs(n[0]) > 0.99:
+            found[int(np.sign(n[0]))].append(shapely.Polygon(p[1:] + s * (corners @ np.stack([u[1:], v[1:]]))))
+    return found
+
+
+def nearest(one, other):
+    """Smallest distance of outlines of one list from those of another; below 0 the number of those that overlap."""
+    pairs = [(a, b) for a in one for b in other]
+    deep = sum(a.buffer(-2e-4).intersects(b.buffer(-2e-4)) for a, b in pairs)
+    return -deep if deep else min(a.distance(b) for a, b in pairs)
+
+
+@pytest.mark.parametrize("target", ["wall", "mirrored", "sheet", "walls"])
+def test_what_another_scatter_has_placed_on_a_wall_keeps_off_with_its_outlines(target):
+    source = tile()
+    where, named = wall(mirrored=target == "mirrored"), {}
+    if target == "sheet":
+        where = tile("Sheet", 6.0, 6.0)
+        where.rotation_euler = (0.0, np.pi / 2.0, 0.0)
+        named = {"both_sides": True}
+    if target == "walls":
+        where = [where, wall(location=(0, 6, 0))]
+    bpy.context.view_layer.update()
+    first = on_surface(where, source, 60, "First", 1, **named)
+    alone = on_surface(where, source, 60, "Alone", 2, **named)
+    for margin in (0.0, 0.05):
+        kept = ScatterObstacle(first.object, margin=margin)
+        second = on_surface(where, source, 60, f"Second {margin}", 2, obstacles=[kept], **named)
+        there, here = outlines(first), outlines(second)
+        for side in (-1, 1):
+            assert len(here[side]) > 20
+            assert nearest(outlines(alone)[side], there[side]) < 0.0
+            assert nearest(here[side], there[side]) >= margin - 2e-3
+            # The other side does not count.
+            assert nearest(here[side], there[-side]) < 0.0
+        assert (second.report.in_obstacles, second.report.overlaps) == (0, 0)
+    allowed = on_surface(where, source, 60, "Allowed", 2, obstacles=[first.object], avoid_overlap=False, **named)
+    there, here = outlines(first), outlines(allowed)
+    for side in (-1, 1):
+        assert not any(a.buffer(-1e-3).contains(b.centroid) for a in there[side] for b in here[side])
+
+
+def test_the_report_counts_what_lies_in_those_of_another_scatter():
+    source, where = tile(), wall()
+    first = on_surface(where, source, 110, "First", 1)
+    full = on_surface(where, source, 200, "Second", 2, obstacles=[first.object])
+    there, here = outlines(first), outlines(full)
+    inside = sum(
+        any(a.buffer(-2e-4).intersects(b.buffer(-2e-4)) for b in there[side]) for side in (-1, 1) for a in here[side]
+    )
+    # Some stand on the narrow sides.
+    assert inside > 5
+    assert inside - 2 <= full.report.in_obstacles <= inside + 10
+    assert any("in obstacles" in note for note in full.report.notes)
+
+
+def test_what_stands_on_a_target_that_was_bent_or_moved_by_hand_keeps_off_where_it_is_now():
+    source, where = tile(), wall()
+    first = on_surface(where, source, 60, "First", 1)
+    where.location.z += 1.0
+    for vertex in where.data.vertices:
+        vertex.co.y *= 1.3
+    point = first.object.data.vertices[0]
+    point.co.y += 0.3
+    bpy.context.view_layer.update()
+    from esh.esh_scatter.result.standing_now import standing_now
+
+    now = standing_now(first.object, bpy.context)
+    axes = now.axes / np.linalg.norm(now.axes, axis=1, keepdims=True)
+    second = on_surface(where, source, 60, "Second", 2, obstacles=[first.object])
+    here = outlines(second)
+    corners = 0.5 * np.array([[-0.6, -0.4], [0.6, -0.4], [0.6, 0.4], [-0.6, 0.4]])
+    for side in (-1, 1):
+        own = np.flatnonzero(np.sign(axes[:, 0, 2]) * (np.abs(axes[:, 0, 2]) > 0.99) == side)
+        there = [shapely.Polygon(now.position[k, 1:] + corners @ axes[k, 1:, :2].T) for k in own]
+        assert nearest(here[side], there) >= 0.0
+
+
+def test_objects_of_every_size_that_lean_are_seen_as_they_lie():
+    """Upright objects on a slope: their outlines lie along it, as those of the same scatter do."""
+    bpy.ops.mesh.primitive_cylinder_add(vertices=64, radius=0.3, depth=1.0)
+    post = bpy.context.object
+    slope = tile("Slope", 12.0, 12.0)
+    slope.rotation_euler = (1.0, 0.0, 0.0)
+    bpy.context.view_layer.update()
+    options = {"align_to_normal": 0.0, "scale_jitter": 0.5, "stand_on": "lowest"}
+    first = on_surface(slope, post, 100, "First", 1, **options)
+    second = on_surface(slope, post, 100, "Second", 2, obstacles=[first.object], **options)
+    away = np.linalg.norm(first.placement.position[:, None] - second.placement.position, axis=2)
+    assert (away - 0.3 * (first.placement.scale[:, None] + second.placement.scale)).min() > -2e-3
+    assert second.report.in_obstacles == 0
+
+
+def test_what_stands_near_another_target_counts_where_it_is_near():
+    source, where = tile(), wall()
+    # Tiles on a board that hangs before one side of the wall, as near as they are large; and on one that is farther off.
+    first = []
+    for number, away in enumerate((0.2, 3.0)):
+        board = tile(f"Board {number}", 2.0, 2.0)
+        board.location, board.rotation_euler = (away, 0.0, 0.0), (0.0, np.pi / 2.0, 0.0)
+        bpy.context.view_layer.update()
+        first.append(on_surface(board, source, 9, f"First {number}", 5 + number))
+    second = on_surface(where, source, 110, "Second", 2, obstacles=[one.object for one in first])
+    there, here = outlines(first[0])[1], outlines(second)
+    assert len(there) == 9
+    assert nearest(here[1], there) >= 0.0
+    assert nearest(here[-1], there) < 0.0
+    assert nearest(here[1], outlines(first[1])[1]) < 0.0
+
+
+def on_floor(result):
+    return shapely.points(result.instances.position[:, :2].astype(np.float64))
+
+
+@pytest.fixture
+def floor():
+    return tile("Floor", 20.0, 20.0)
+
+
+def shapes(kind):
+    """An obstacle on or near the floor, and what of it that covers."""
+    if kind == "box that stands on it":
+        return house((0, 0, 1.0), 2.0), shapely.box(-1, -1, 1, 1)
+    if kind == "rock that is sunk in":
+        bpy.ops.mesh.primitive_uv_sphere_add(radius=2.0, segments=64, ring_count=32)
+        return bpy.context.object, shapely.Point(0, 0).buffer(2.0, 64)
+    if kind == "path above":
+        item = tile("Path", 12.0, 2.0)
+        item.location.z, item.rotation_euler.z = 0.3, 0.5
+        bpy.context.view_layer.update()
+        corners = np.array([[-6, -1, 0], [6, -1, 0], [6, 1, 0], [-6, 1, 0]]) @ np.array(item.matrix_world)[:3, :3].T
+        return item, shapely.Polygon(corners[:, :2])
+    if kind == "path below":
+        item = tile("Path", 12.0, 2.0)
+        item.location.z = -0.3
+        bpy.context.view_layer.update()
+        return item, shapely.box(-6, -1, 6, 1)
+    if kind == "curve":
+        item = path()
+        for point in item.data.splines[0].points:
+            point.co.z = 0.4
+        bpy.context.view_layer.update()
+        return ScatterObstacle(item, width=1.5), shapely.LineString([(-20, 8), (30, 8)]).buffer(0.75)
+    item = bpy.data.objects.new("Here", None)
+    bpy.context.scene.collection.objects.link(item)
+    item.location = (3.0, 2.0, 0.1)
+    bpy.context.view_layer.update()
+    return ScatterObstacle(item, width=2.0, margin=0.5), shapely.Point(3.0, 2.0).buffer(1.5, 64)
+
+
+KINDS = ["box that stands on it", "rock that is sunk in", "path above", "path below", "curve", "empty"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_other_obstacles_cover_what_of_a_whole_surface_is_near_them(floor, tree, kind):
+    obstacle, ground = shapes(kind)
+    for avoid, keeps in ((True, 0.3), (False, 0.0)):
+        result = on_surface(floor, tree, 500, kind, 1, obstacles=[obstacle], avoid_overlap=avoid)
+        away = shapely.distance(ground, on_floor(result))
+        # Posts have 32 corners.
+        assert away.min() > 0.98 * keeps - 0.02
+        assert away.min() < keeps + 0.4
+        assert result.report.in_obstacles == 0
+    without = on_surface(floor, tree, 500, kind, 1)
+    assert (shapely.distance(ground, on_floor(without)) < 0.2).sum() > 5
+
+
+def test_what_is_far_from_a_whole_surface_covers_nothing_of_it(floor, tree):
+    without = on_surface(floor, tree, 200, "Without", 1)
+    above = on_surface(
+        floor, tree, 200, "Above", 1, obstacles=[house((0, 0, 20.0), 4.0), ScatterObstacle(path(), width=1.0)]
+    )
+    np.testing.assert_array_equal(without.instances.position, above.instances.position)
+
+
+def test_a_picture_on_a_wall_keeps_its_side_free(tree):
+    source, where = tile(), wall()
+    picture = tile("Picture", 2.0, 1.5)
+    picture.location, picture.rotation_euler = (0.05, 0.0, 0.0), (0.0, np.pi / 2.0, 0.0)
+    bpy.context.view_layer.update()
+    result = on_surface(where, source, 100, "Ivy", 1, obstacles=[picture])
+    ground = shapely.box(-0.75, -1.0, 0.75, 1.0)
+    here = outlines(result)
+    assert min(ground.distance(one) for one in here[1]) > -1e-6
+    assert not any(ground.buffer(-0.01).intersects(one) for one in here[1])
+    assert sum(ground.intersects(one) for one in here[-1]) > 3
+
+
+@pytest.mark.parametrize("kind", ["vertices", "nodes"])
+def test_instances_cover_of_a_whole_surface_the_ground_at_their_origins(floor, tree, kind):
+    shows, middles = instancer(kind)
+    position = on_surface(floor, tree, 400, "Beside", 1, obstacles=[shows]).instances.position[:, :2]
+    away = [from_box(position, middle, np.array([1.5, 0.2])).min() for middle in middles]
+    assert min(away) > 0.28 and max(away) < 0.9
 
 
 @pytest.fixture

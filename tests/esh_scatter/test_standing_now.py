@@ -153,3 +153,27 @@ def test_what_is_pinned_stays_where_it_is_shown(ground, plank, change, surface):
     # Seen from above, normals are those of a smooth ground, and instances follow its flat triangles.
     smooth = surface == "above" and change in ("the target is turned", "the target is bent")
     assert np.allclose(before[2], after[2], atol=0.1 if smooth else 2e-3)
+
+
+@pytest.mark.parametrize("align", [0.0, 0.6, 1.0])
+def test_objects_stand_where_their_instances_do_on_walls_whose_edges_are_upright(align):
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.mesh.primitive_cube_add(size=1.0, location=(80, 0, 0))
+    block = bpy.context.object
+    block.scale = (0.4, 0.3, 0.2)
+    bpy.ops.object.transform_apply(location=False, rotation=False, scale=True)
+    bpy.ops.mesh.primitive_cube_add(size=1.0)
+    wall = bpy.context.object
+    wall.scale = (0.1, 5.0, 5.0)
+    bpy.context.view_layer.update()
+    classes = [ScatterClass("blocks", [ScatterSize("s", 60, block)], standing=Standing(align_to_normal=align))]
+    result = scatter(wall, classes, surface="whole", **OPTIONS).object
+    wall.location.z, wall.rotation_euler.z = 1.0, 0.4
+    bpy.context.view_layer.update()
+    now = standing_now(result, bpy.context)
+    shown = [one for one in bpy.context.evaluated_depsgraph_get().object_instances if one.is_instance]
+    matrix = np.array([np.array(one.matrix_world) for one in shown])
+    assert len(matrix) == 60
+    order = np.linalg.norm(now.position[None] - matrix[:, None, :3, 3], axis=2).argmin(axis=1)
+    np.testing.assert_allclose(matrix[:, :3, 3], now.position[order], atol=1e-5)
+    np.testing.assert_allclose(matrix[:, :3, :3], now.axes[order], atol=1e-5)

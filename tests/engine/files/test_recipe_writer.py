@@ -116,7 +116,7 @@ SAMPLES = {
 
 TWO = [Footprint.rectangle(0.3, 0.1), Footprint.disc(0.1)]
 # Only for what lies on a surface, of which no recipe is written.
-NOT_WRITTEN = {Obstacle: {"ball"}}
+NOT_WRITTEN = {Obstacle: {"ball", "position", "normal", "tangent", "scale", "mesh", "triangle"}}
 
 
 def same(one, other):
