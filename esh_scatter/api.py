@@ -90,7 +90,7 @@ def scatter(
         settings: How; None has all of the following settings at their defaults.
         name: Of the result object. A result that this name left on this target in this scene is replaced.
         result: Result to replace instead; None looks for one as said above, and makes a new object if there is none.
-        obstacles: What objects keep off, seen from above: objects, collections, results of other scatters, or a
+        obstacles: What objects keep off: objects, collections, results of other scatters, or a
             :class:`~esh.ScatterObstacle` of these, which gives curves a width and keeps a margin free.
         pinned: Whether objects of the replaced result stay where they are that were pinned, or moved by hand; they count. Or, by
             class of that result, the index of the class that it is now, or None.

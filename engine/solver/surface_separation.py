@@ -251,7 +251,7 @@ class SurfaceSeparation(Separation):
     @cached_property
     def _pool(self) -> kernels_surface_separation.Pool:
         """Places that bodies may jump to: as many of a class as any of them tries, drawn from its density."""
-        rng = np.random.default_rng([self._model.problem.seed, 3])
+        rng = np.random.default_rng([self._model.problem.seed, 12])
         places = TilePlaces(self._facets, rng)
         found = [places.draw(share, PLACES_OF_JUMP) for share in self._share]
         order = [rng.permutation(PLACES_OF_JUMP) for _ in found]

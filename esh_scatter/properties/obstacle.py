@@ -30,12 +30,15 @@ class ESH_PG_obstacle(PropertyGroup):
         default="OBJECT",
     )
     item: PointerProperty(
-        type=bpy.types.Object, name="Object", description="The obstacle. What it covers, seen from above, stays free"
+        type=bpy.types.Object,
+        name="Object",
+        description="The obstacle. What it covers stays free: seen from above, or on a whole surface what is near it",
     )
     collection: PointerProperty(
         type=bpy.types.Collection,
         name="Collection",
-        description="The collection whose objects are obstacles. What they cover, seen from above, stays free",
+        description="The collection whose objects are obstacles. What they cover stays free: seen from above, or on a whole "
+        "surface what is near them",
     )
     width: property_of(_SETTINGS["width"])
     margin: property_of(_SETTINGS["margin"])

@@ -171,8 +171,8 @@ def test_objects_stand_where_their_instances_do_on_walls_whose_edges_are_upright
     wall.location.z, wall.rotation_euler.z = 1.0, 0.4
     bpy.context.view_layer.update()
     now = standing_now(result, bpy.context)
-    shown = [one for one in bpy.context.evaluated_depsgraph_get().object_instances if one.is_instance]
-    matrix = np.array([np.array(one.matrix_world) for one in shown])
+    shown = bpy.context.evaluated_depsgraph_get().object_instances
+    matrix = np.array([np.array(one.matrix_world) for one in shown if one.is_instance])
     assert len(matrix) == 60
     order = np.linalg.norm(now.position[None] - matrix[:, None, :3, 3], axis=2).argmin(axis=1)
     np.testing.assert_allclose(matrix[:, :3, 3], now.position[order], atol=1e-5)
