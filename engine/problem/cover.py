@@ -18,7 +18,7 @@ from .problem import Problem
 from .surface import Surface
 from .validation import check_is
 
-__all__ = ["Cover", "Room", "cover_of", "cover_of_images"]
+__all__ = ["Cover", "Room", "cover_of", "cover_of_images", "ground_on_surface"]
 
 # Cells along the longer side of the domain in which what is asked for is compared with what fits; fewer where bodies are large.
 CELLS = 128
@@ -82,14 +82,29 @@ def cover_of(problem: Problem) -> Cover:
     of_class = np.bincount(class_index, weights=area, minlength=len(problem.classes))
     if isinstance(problem.domain, Surface):
         # Where on a surface it is crowded, only the run tells.
-        sample = problem.domain.sample()
-        share = np.mean(np.any([c.density_on(sample) > 0.0 for c in problem.classes], axis=0))
+        share, loose = ground_on_surface(problem, problem.domain, 0.5 * float(disc_radius(float(area.mean()))))
         most = float((_apart(problem) @ of_class).max())
-        return Cover(most / max(float(share) * problem.domain.area, 1e-300), fits, 0.0)
+        return Cover(most / max(share * problem.domain.area, 1e-300), fits * loose / max(share, 1e-300), 0.0)
     fits *= share_inside(problem.domain, float(area.mean())) * _share_beside_obstacles(
         problem, problem.domain, float(area.mean())
     )
     return cover_of_images(problem, [c.density_image for c in problem.classes], of_class, fits)
+
+
+def ground_on_surface(problem: Problem, surface: Surface, away: float) -> tuple[float, float]:
+    """Return what share of a surface any class may be on, and what share of it is farther from outlines that stand there [m].
+
+    Along these bodies leave gaps like those along an edge; see :func:`_share_beside_obstacles`.
+    """
+    outlines = problem.outlines_on_surface
+    if not len(outlines) and not all(c.varies_on_surface for c in problem.classes):
+        return 1.0, 1.0
+    sample = surface.sample()
+    may = np.any([c.density_beside_outlines(sample) > 0.0 for c in problem.classes], axis=0)
+    if not len(outlines):
+        return float(may.mean()), float(may.mean())
+    distance = outlines.distance(sample, away)
+    return float((may & (distance >= 0.0)).mean()), float((may & (distance >= away)).mean())
 
 
 def cover_of_images(problem: Problem, images: Sequence[np.ndarray], of_class: np.ndarray, fits: float) -> Cover:

@@ -9,8 +9,8 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..problem.cover import ground_on_surface
 from ..problem.placement import Placement
-from ..problem.problem import Problem
 from ..problem.surface import Surface
 from . import kernels_heat
 from .bodies_on_surface import BodiesOnSurface, bodies_on_surface
@@ -55,7 +55,8 @@ def measure_on_surface(placement: Placement, launcher: Launcher) -> SurfaceFigur
     assert isinstance(surface, Surface)
     bodies, area = bodies_on_surface(placement, launcher), placement.area
     errors, whole = _coverage_errors(placement, bodies, launcher)
-    covered = float(area.sum() / (surface.area * max(_allowed(problem, surface), 1e-9)))
+    share, _ = ground_on_surface(problem, surface, 0.0)
+    covered = float(area.sum() / (surface.area * max(share, 1e-9)))
     smallest, closest, usual = _spacing(placement, bodies, launcher) or (None, None, None)
     overlaps = find_overlaps_on_surface(placement, bodies, launcher)
     return SurfaceFigures(errors, whole, smallest, closest, usual, overlaps, covered)
@@ -80,14 +81,6 @@ def _coverage_errors(placement: Placement, bodies: BodiesOnSurface, launcher: La
     amount = np.array([sum((s.count or 0) * s.mean_area for s in c.sizes) for c in problem.classes])
     target, charge = mesh.mixed(targets, (amount / amount.sum()).tolist()), mesh.mixed(charges, [1.0] * len(charges))
     return errors, mesh.error(charge, sum(totals), target, len(area))
-
-
-def _allowed(problem: Problem, surface: Surface) -> float:
-    """Share of the surface's area where any class may be."""
-    if not all(c.varies_on_surface for c in problem.classes):
-        return 1.0
-    sample = surface.sample()
-    return float(np.mean(np.any([c.density_on(sample) > 0.0 for c in problem.classes], axis=0)))
 
 
 def _spacing(placement: Placement, bodies: BodiesOnSurface, launcher: Launcher) -> tuple[float, float, float] | None:

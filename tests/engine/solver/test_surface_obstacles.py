@@ -10,6 +10,7 @@ import shapely
 import trimesh
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
+from esh.engine.problem.cover import cover_of
 from esh.engine.problem.footprint import Footprint
 from esh.engine.problem.footprints import Footprints
 from esh.engine.quality.measurement import measure
@@ -287,6 +288,17 @@ def test_counts_that_cover_the_ground_leave_out_what_outlines_take():
     assert beside == pytest.approx(without * (1.0 - np.pi * 0.25 / 4.0), rel=0.01)
     with pytest.raises(esh.ProblemError, match="must leave some ground"):
         esh.Problem(surface, [body_class], obstacles=[dataclasses.replace(disc, disc=(0.0, 0.0, 5.0))])
+
+
+def test_what_does_not_fit_between_outlines_is_told_before_a_run():
+    surface = ball()
+    first = solved(boxes(surface, 150, 0.35, seed=1))
+    few, many = (boxes(surface, 150, cover, seed=2, obstacles=[standing(first)]) for cover in (0.1, 0.45))
+    assert cover_of(few).warning is None and cover_of(many).warning is not None
+    # Of the ground that is left.
+    assert cover_of(few).covered == pytest.approx(0.1 / (1.0 - 0.35), rel=0.03)
+    assert solved(few).report.covered == pytest.approx(0.1 / (1.0 - 0.35), rel=0.03)
+    assert cover_of(boxes(surface, 150, 0.45, seed=2)).warning is None
 
 
 def test_distances_from_outlines_are_those_of_shapely():
