@@ -183,7 +183,9 @@ def beside_outlines(
     most = wp.max((1.0 - LESS_DEEP) * stuck.depth, 0.0)
     result = here
     found = bool(False)
-    for attempt in range(4):
+    # A number that the compiler does not know: it would compile every attempt by itself.
+    attempts = int(4)
+    for attempt in range(attempts):
         if not found:
             onwards = way
             if attempt == 1:

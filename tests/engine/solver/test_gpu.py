@@ -72,6 +72,22 @@ def test_outlines_on_a_surface_are_parted(turn):
     assert gpu.report.overlaps == 0
 
 
+def test_outlines_on_a_surface_are_parted_from_those_that_stand_there():
+    surface, count = sphere(5.0), round(0.2 * 4.0 * math.pi * 25.0 / BOX.area)
+
+    def asked(seed: int, obstacles: list[esh.Obstacle]) -> esh.Problem:
+        sizes = [esh.Size("s", None, count, footprint=Footprints(BOX, turn="random"))]
+        classes = [esh.BodyClass("box", sizes)]
+        return esh.Problem(surface, classes, avoid_overlap=True, seed=seed, obstacles=obstacles)
+
+    first = esh.solve(asked(1, []), device="cuda:0")
+    there = esh.Obstacle(
+        polygon=BOX.corners, position=first.position, normal=first.normal, tangent=first.tangent, margin=0.05
+    )
+    gpu = check(asked(2, [there]))
+    assert gpu.report.overlaps == 0 and gpu.report.in_obstacles == 0
+
+
 def test_rare_classes_and_few_bodies_are_even():
     classes = [esh.BodyClass(str(n), [esh.Size("s", 1e-3, n)]) for n in (2000, 200, 20)]
     check(esh.Problem(esh.Domain((40.0, 40.0)), classes, seed=3))
