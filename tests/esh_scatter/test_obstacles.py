@@ -533,3 +533,45 @@ def test_a_later_scatter_makes_room_for_the_one_before(sidebar, ground, tree):
     bpy.ops.esh.scatter()
     two = np.array([v.co[:2] for v in second.result.data.vertices])
     assert np.linalg.norm(one[:, None] - two, axis=2).min() < 0.5 and not second.outdated
+
+
+def test_a_later_scatter_makes_room_on_a_wall_for_the_one_before_and_for_what_was_removed(sidebar):
+    where, source = wall(), tile()
+    first, second = (in_sidebar(sidebar, where, source, 60) for _ in range(2))
+    for number, made in enumerate((first, second)):
+        made.surface, made.max_steps, made.seed = "WHOLE", 60, 3
+        bpy.ops.esh.scatter_choose(index=number)
+        assert bpy.ops.esh.scatter() == {"FINISHED"}
+
+    def standing():
+        from types import SimpleNamespace
+
+        found = []
+        for made in (first, second):
+            mesh = made.result.data
+            values = {name: np.empty(4 * len(mesh.vertices)) for name in ("rotation", "scale")}
+            mesh.attributes["rotation"].data.foreach_get("value", values["rotation"])
+            position = np.array([v.co for v in mesh.vertices])
+            rotation = values["rotation"].reshape(-1, 4)
+            instances = SimpleNamespace(position=position, rotation=rotation, scale=np.ones(len(position)))
+            found.append(outlines(SimpleNamespace(instances=instances)))
+        return found
+
+    one, two = standing()
+    assert all(nearest(two[side], one[side]) >= 0.0 for side in (-1, 1)), "equal seeds and settings"
+    assert not first.outdated and not second.outdated
+    assert second.report["in_obstacles"] == 0
+    # The place of an instance that is removed stays free, on its side.
+    gone = next(k for k, v in enumerate(second.result.data.vertices) if v.co.x > 0.0099 and abs(v.co.y) < 2.0)
+    place = np.array(second.result.data.vertices[gone].co)
+    bpy.context.view_layer.objects.active = second.result
+    for vertex in second.result.data.vertices:
+        vertex.select = vertex.index == gone
+    bpy.ops.esh.instances_remove()
+    first.result.data.vertices[0].co.y += 0.2
+    assert "other scatters" in second.changes()
+    bpy.ops.esh.scatter()
+    one, two = standing()
+    assert all(nearest(two[side], one[side]) >= 0.0 for side in (-1, 1))
+    assert min(a.distance(shapely.Point(place[1:])) for a in two[1]) > 0.2
+    assert not second.outdated
