@@ -322,3 +322,40 @@ def test_a_run_by_hand_is_where_it_goes_on_from(scatter, follow):
     scatter.classes["Pine"].sizes[0].count = 205
     follow()
     assert np.median(moved(by_hand, points())) < 0.5 and len(points("Pine")) == 205
+
+
+def test_what_another_scatter_has_on_a_wall_is_followed(scatter, follow):
+    bpy.ops.mesh.primitive_cube_add(size=1.0)
+    wall = bpy.context.object
+    wall.scale = (0.02, 6.0, 6.0)
+    bpy.ops.mesh.primitive_plane_add(size=0.4, location=(60, 0, 0))
+    tile = bpy.context.object
+    bpy.context.view_layer.update()
+    scatters = bpy.context.scene.esh_scatter
+    made = []
+    for number in range(2):
+        one = scatters.add_scatter(wall)
+        one.surface, one.device, one.max_steps = "WHOLE", "CPU", 40
+        size = one.add_class().sizes[0]
+        size.source_object, size.count = tile, 60
+        bpy.ops.esh.scatter_choose(index=1 + number)
+        if number == 0:
+            bpy.ops.esh.scatter()
+        made.append(one)
+
+    def nearest():
+        one, other = (np.array([v.co for v in m.result.data.vertices]) for m in made)
+        away = np.linalg.norm(one[:, None] - other, axis=2)
+        return away[(one[:, None] * other)[:, :, 0] > 0.0].min()
+
+    before = switch_on(made[1], follow)
+    assert nearest() > 0.399
+    for vertex in made[0].result.data.vertices:
+        vertex.co.y += 0.2
+    made[0].result.data.update()
+    follow()
+    after = points()
+    # Some that it came upon are gone, and others have come instead.
+    assert len(after) == 60 and len(before.keys() & after.keys()) > 45
+    assert nearest() > 0.399
+    assert (moved(before, after) > 0.02).any()
