@@ -150,7 +150,11 @@ class OutlinesOnSurface:
             place = np.stack([x[own], y[own]], axis=1) / self.scale[outline[own], None]
             core = distance_from_outline(place, self.shapes[number].corners)
             found[own] = core * self.scale[outline[own]] - self.rounding[outline[own]]
-        np.minimum.at(result, row, found)
+        # Couples of one point follow each other.
+        first = np.flatnonzero(np.diff(row, prepend=-1))
+        if len(first):
+            own = row[first]
+            result[own] = np.minimum(result[own], np.minimum.reduceat(found, first))
 
     def _seen_from(
         self, outline: np.ndarray, way: np.ndarray, away: np.ndarray, normal: np.ndarray
