@@ -220,7 +220,7 @@ class Launcher:
         self.python_launches += self._recording is None
         self.send()
         if self._team is None:
-            self._launch_on_gpu(kernel, count, [first, *([0] if per_thread else []), *inputs], outputs)
+            launch_on_gpu(kernel, count, [first, *([0] if per_thread else []), *inputs, *outputs], self.device)
             return
         operation, kept = self._team.operation(kernel, first, count, [*inputs, *outputs], grain, per_thread)
         if self._recording is not None:
@@ -246,9 +246,6 @@ class Launcher:
             self._recording = None
         recording.finish()
         return recording
-
-    def _launch_on_gpu(self, kernel: wp.Kernel, count: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> None:
-        launch_on_gpu(kernel, count, [*inputs, *outputs], self.device)
 
 
 @lru_cache(maxsize=1)

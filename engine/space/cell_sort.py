@@ -134,5 +134,5 @@ class CellSort:
         launch(kernels_cells.count_items, n, [], [counting])
         launch(kernels_cells.add_up_cells, parts, [], [counting])
         launch(kernels_cells.place_cells, parts, [counting], [self.cell_start])
-        launch(kernels_cells.fill_cells, n, [self.cell_start], [counting])
+        launch(kernels_cells.fill_cells, max(n, len(counting.in_group)), [self.cell_start], [counting])
         launch(kernels_cells.order_cells, n, [counting, self.cell_start], [self.order])

@@ -266,12 +266,13 @@ def fill_cells(
     # outputs
     counting: Counting,
 ):
-    """Put an item anywhere into its cell."""
+    """Put an item anywhere into its cell, and empty a group; there may be more of either."""
     i = first + wp.tid()
-    cell = counting.key[i]
-    counting.unordered[cell_start[cell] + wp.atomic_sub(counting.in_cell, cell, 1) - 1] = i
     if i < counting.in_group.shape[0]:
         counting.in_group[i] = 0
+    if i < counting.unordered.shape[0]:
+        cell = counting.key[i]
+        counting.unordered[cell_start[cell] + wp.atomic_sub(counting.in_cell, cell, 1) - 1] = i
 
 
 @wp.kernel
