@@ -46,7 +46,9 @@ def test_a_view_follows_its_poses():
     np.testing.assert_array_equal(view.numpy(), [[0, 1], [4, 5], [8, 9]])
 
 
-@pytest.mark.parametrize(("count", "cells"), [(1, 1), (5, 1_000_000), (500, 7), (3000, 1), (5000, 40_000), (20_000, 3001)])
+@pytest.mark.parametrize(
+    ("count", "cells"), [(1, 1), (5, 1_000_000), (500, 7), (3000, 1), (5000, 40_000), (20_000, 3001)]
+)
 def test_counting_sorts_as_others_do(monkeypatch, count, cells):
     """As a GPU does it; one thread, since no other may count at once on the CPU."""
     monkeypatch.setenv("ESH_THREADS", "1")
@@ -68,7 +70,9 @@ def test_counting_sorts_as_others_do(monkeypatch, count, cells):
 
 @pytest.mark.cuda
 @pytest.mark.parametrize("spread", [False, True])
-@pytest.mark.parametrize(("count", "cells"), [(1, 1), (5, 1_000_000), (500, 7), (3000, 1), (20_000, 3001), (1_000_000, 700_000)])
+@pytest.mark.parametrize(
+    ("count", "cells"), [(1, 1), (5, 1_000_000), (500, 7), (3000, 1), (20_000, 3001), (1_000_000, 700_000)]
+)
 def test_a_gpu_sorts_as_others_do(count, cells, spread):
     launcher = Launcher(resolve_device("cuda:0"))
     try:
