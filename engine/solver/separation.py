@@ -319,9 +319,9 @@ class Separation(ABC):
     def _find_rows(self) -> None:  # noqa: B027
         """Find out which of the bodies that are ``_kept`` lie in rows, where something is made of that."""
 
+    @abstractmethod
     def _propose_places(self, stuck: np.ndarray, candidates: int, seed: int) -> ProposedPlaces:
         """Find for bodies that do not get out where they stand another place, of so many, in which they overlap the least."""
-        raise NotImplementedError
 
     def _leave_wedges(self, number: int) -> int:
         """Have bodies that overlap pinned ones, which do not give way, or have no way out of a gap, jump; returns how many do.
