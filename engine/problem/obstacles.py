@@ -35,6 +35,8 @@ ROWS = 32
 THRESHOLD = 0.5
 # A polygon is convex where it lacks no larger share of its hull.
 NOT_CONVEX = 1e-6
+# Sine of the angle between a tangent and a normal at least: below this it does not say where along the surface an outline points.
+SMALLEST_SINE = 1e-6
 # Edges of a polygon that is looked at for crossings.
 MOST_EDGES_THAT_CROSS = 1000
 
@@ -262,6 +264,14 @@ class Obstacle(Settings):
                     f"{self._key(name)} must be one, or one for each of {m} places; got {len(values)} of them"
                 )
             settle(self, **{name: np.broadcast_to(values, (m, *values.shape[1:]))})
+        if self.normal is not None and self.tangent is not None:
+            across = np.linalg.norm(np.cross(np.asarray(self.normal), np.asarray(self.tangent)), axis=1)
+            if not (across > SMALLEST_SINE).all():
+                worst = int(np.argmin(across))
+                raise ProblemError(
+                    f"{self._key('tangent')} must point along the surface, not along `obstacle.normal`; got "
+                    f"{show(np.asarray(self.tangent)[worst].tolist())} for place {worst}"
+                )
 
     def _key(self, name: str) -> str:
         return f"`obstacle.{name}`"

@@ -25,6 +25,9 @@ __all__ = ["OutlinesOnSurface", "distance_from_outline", "outlines_on_surface"]
 # Bodies on one sheet see each other along it. Where the way between them leaves the two planes by this much more [rad] than these are
 # turned, they lie on two sheets, one above the other.
 STEEPER = math.pi / 3.0
+# Nor do they where the surface turns by much more than a right angle between them: below this cosine. Across a right-angled edge they
+# do, whatever rounding makes of its cosine of 0.
+LEAST_COSINE = -0.1
 # Normals that look away from a face by more than this cosine say nothing of the plane that a tangent lies in.
 STEEPEST = 0.2
 # Levels of size, each of outlines within a factor of two; whatever is smaller still goes into the last.
@@ -48,6 +51,7 @@ class OutlinesOnSurface:
         position: The same, shape ``[m, 3]``.
         normal: Where the smooth surface looks to there, shape ``[m, 3]``.
         along: Where their x axes point along that, shape ``[m, 3]``.
+        away: How far from the surface they were given [m].
     """
 
     shapes: tuple[Footprint, ...]
@@ -58,6 +62,7 @@ class OutlinesOnSurface:
     position: np.ndarray
     normal: np.ndarray
     along: np.ndarray
+    away: np.ndarray
     _known: list[tuple[ref[PointsOnSurface], float, np.ndarray]] = field(default_factory=list, init=False, repr=False)
 
     def __len__(self) -> int:
@@ -72,6 +77,11 @@ class OutlinesOnSurface:
     def reach(self) -> np.ndarray:
         """How far they reach from their origins, with their margins."""
         return np.array([one.circumradius for one in self.shapes] + [0.0])[self.shape] * self.scale + self.margin
+
+    @property
+    def out_of_reach(self) -> np.ndarray:
+        """How far from the surface those were given that do not reach it from there [m]."""
+        return self.away[self.away > self.reach]
 
     def larger_than(self, reach: float) -> OutlinesOnSurface:
         """Those that reach farther [m]."""
@@ -92,6 +102,7 @@ class OutlinesOnSurface:
             self.position[chosen],
             self.normal[chosen],
             self.along[chosen],
+            self.away[chosen],
         )
 
     def free(self, points: PointsOnSurface, edge: float) -> np.ndarray:
@@ -229,6 +240,7 @@ def outlines_on_surface(surface: Surface, obstacles: Sequence[Obstacle]) -> Outl
         of_all([triangle for triangle, _ in place], np.empty(0, np.int64)),
         of_all([weight for _, weight in place], np.empty((0, 3))),
     )
+    given = of_all([np.asarray(one.position) for one, _, _ in lying], np.empty((0, 3)))
     face, normal = points.normal, points.smooth_normal
     along = tangent_frame(face)[0]
 
@@ -256,6 +268,7 @@ def outlines_on_surface(surface: Surface, obstacles: Sequence[Obstacle]) -> Outl
         points.position,
         normal,
         _turned(along, face, normal),
+        np.linalg.norm(given - points.position, axis=1),
     )
 
 
@@ -301,7 +314,7 @@ def _on_one_sheet(way: np.ndarray, away: np.ndarray, normal: np.ndarray, other: 
     apart = np.maximum(away, 1e-300)
     leaves = np.arcsin(np.minimum(np.abs(np.einsum("nd,nd->n", way, normal)) / apart, 1.0))
     leaves += np.arcsin(np.minimum(np.abs(np.einsum("nd,nd->n", way, other)) / apart, 1.0))
-    return (cosine > 0.0) & (leaves <= np.arccos(np.clip(cosine, -1.0, 1.0)) + STEEPER)
+    return (cosine >= LEAST_COSINE) & (leaves <= np.arccos(np.clip(cosine, -1.0, 1.0)) + STEEPER)
 
 
 def _turned(vector: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:

@@ -13,6 +13,9 @@ wp.set_module_options({"enable_backward": False})
 # Bodies on one sheet of a surface see each other along it: the way between them leaves both planes, together, by as much as these are
 # turned. Where it does so by this much more [rad], they lie on two sheets, one above the other.
 STEEPER = wp.constant(wp.float64(math.pi / 3.0))
+# Nor do they where the surface turns by much more than a right angle between them: below this cosine. Across a right-angled edge they
+# do, whatever rounding makes of its cosine of 0.
+LEAST_COSINE = wp.constant(wp.float64(-0.1))
 
 
 @wp.struct
@@ -34,7 +37,7 @@ class Sheets:
 def on_one_sheet(way: wp.vec3d, distance: wp.float64, normal: wp.vec3d, other: wp.vec3d):
     """Whether what lies at a way from here, where the surface looks along ``other``, lies on the sheet of the surface that is here."""
     cosine = wp.dot(normal, other)
-    if cosine <= ZERO:
+    if cosine < LEAST_COSINE:
         return False
     if distance == ZERO:
         return True

@@ -113,7 +113,7 @@ def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:
     overlaps = found.overlaps
     notes += _notes_on_overlaps(placement.problem, overlaps, found.covered)
     misplaced = out_of_place_on_surface(placement, launcher)
-    notes += _notes_on_places(placement.problem, misplaced)
+    notes += _notes_on_places(placement.problem, misplaced) + _notes_on_distant_outlines(placement.problem)
     if placement.fixed.any():
         notes += _notes_on_fixed_places(out_of_place_on_surface(placement, launcher, fixed=True))
     return Report(
@@ -178,6 +178,21 @@ def _notes_on_places(problem: Problem, found: OutOfPlace) -> list[str]:
         reach = "1 body reaches" if found.beyond_border == 1 else f"{found.beyond_border} bodies reach"
         notes.append(f"{reach} across the border, the farthest by {found.farthest:.3g} m; {helps}")
     return notes
+
+
+def _notes_on_distant_outlines(problem: Problem) -> list[str]:
+    """Say which obstacles were given so far from the surface that their outlines do not reach it: their places may be wrong."""
+    away = problem.outlines_on_surface.out_of_reach
+    if not len(away):
+        return []
+    if len(away) == 1:
+        return [
+            f"an obstacle's `position` is {away[0]:.3g} m from the surface: it was taken to the nearest point of it"
+        ]
+    farthest = f"the farthest {away.max():.3g} m"
+    return [
+        f"{len(away)} positions of obstacles are far from the surface, {farthest}: they were taken to the nearest points of it"
+    ]
 
 
 def _notes_on_fixed(found: Overlaps) -> list[str]:

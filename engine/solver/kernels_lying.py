@@ -14,6 +14,9 @@ wp.set_module_options({"enable_backward": False})
 # Bodies on one sheet see each other along it. Where the way between them leaves the two planes by this much more [rad] than these are
 # turned, they lie on two sheets, one above the other.
 STEEPER = wp.constant(math.pi / 3.0)
+# Nor do they where the surface turns by much more than a right angle between them: below this cosine. Across a right-angled edge they
+# do, whatever rounding makes of its cosine of 0.
+LEAST_COSINE = wp.constant(-0.1)
 
 
 @wp.struct
@@ -46,7 +49,7 @@ def in_plane(vector: wp.vec3, along: wp.vec3, beside: wp.vec3):
 def on_one_sheet(way: wp.vec3, distance: float, normal: wp.vec3, other: wp.vec3):
     """Whether what lies at a way from here lies on the sheet of the surface that is here; normals here and there."""
     cosine = wp.dot(normal, other)
-    if cosine <= 0.0:
+    if cosine < LEAST_COSINE:
         return False
     if distance == 0.0:
         return True

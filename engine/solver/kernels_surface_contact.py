@@ -9,7 +9,7 @@ from ..space.kernels_meeting import Meeting, keep_apart
 from ..surface.kernels_facets import carried, spot_at, tangential
 from .kernels_contact import Capsule, Push, capsule, push_between, scale_of_pushes
 from .kernels_descent import PINNED, Bodies
-from .kernels_lying import Slots, cell_of_block, in_plane, slot_of_level
+from .kernels_lying import LEAST_COSINE, Slots, cell_of_block, in_plane, slot_of_level
 from .kernels_on_surface import Ground, Motion, Poses, remembered, walk
 
 wp.set_module_options({"enable_backward": False})
@@ -139,7 +139,7 @@ def pushed_by(
     own = here.footprint
     touching = own.radius + footprints.radius[j]
     normal = ground.facets.normal[facet]
-    met = ground.facets.label[facet] == here.label and wp.dot(normal, here.normal) > 0.0
+    met = ground.facets.label[facet] == here.label and wp.dot(normal, here.normal) >= LEAST_COSINE
     if not (met and distance < own.half + own.radius + footprints.reach[j] + slack * touching):
         return Push()
     # Into the plane here, as far off as they are.

@@ -10,15 +10,15 @@ import warp as wp
 
 from ..cascade.kernels_points import cell_at, same_cell
 from ..space.kernels_meeting import Meeting, keep_apart
-from ..surface.kernels_facets import carried, smooth_normal, spot_at, tangential
+from ..surface.kernels_facets import Spot, carried, smooth_normal, spot_at, tangential, tile_of
 from .kernels_descent import Bodies
 from .kernels_lying import Slots, cell_of_block, flat_way, in_plane, on_one_sheet, slot_of_level
 from .kernels_on_surface import Ground, may_be, walk
 from .kernels_outlines import Outlines, apart
 from .kernels_pairs import Pairs
 from .kernels_separation import PULL, SLACK, Asked, asked_by_contact, limited, move_of, overlaps_of_pairs
-from .kernels_surface_lines import Lying, allowed
-from .kernels_touch import Core, core_of, touch_between
+from .kernels_surface_lines import Lying, allowed, line_fits, way_back
+from .kernels_touch import Core, core_of, depth_of_overlap, touch_between
 from .kernels_trials import PINNED_COST, TOLERABLE, Bins
 
 wp.set_module_options({"enable_backward": False})
@@ -436,7 +436,7 @@ def squared_overlap(i: int, room_of: int, here: Standing, j: int, crowd: Surface
     depth = float(0.0)
     if seen.met != 0:
         copied = copy_corners(room_of, j, seen.turned, crowd)
-        depth = wp.max(-apart(i, outlines.first_corner[i], j, copied, seen.way, outlines, 0.0), 0.0)
+        depth = depth_of_overlap(i, outlines.first_corner[i], j, copied, seen.way, outlines)
         depth = depth / wp.min(outlines.width[i], outlines.width[j])
         if outlines.lightness[j] == 0.0 and depth > TOLERABLE:
             # It cannot give way.
@@ -644,6 +644,35 @@ class Pool:
     start: wp.array(dtype=wp.int32)
 
 
+@wp.func
+def preferred_at(i: int, spot: Spot, bodies: Bodies, preferred: wp.array(dtype=wp.vec3), crowd: SurfaceCrowd):
+    """The direction that body i is to lie along somewhere, in the plane of the facet there; 0 where it has none."""
+    result = wp.vec3(0.0, 0.0, 0.0)
+    kind = bodies.kind[crowd.outlines.body[i]]
+    if kind >= 0:
+        ground = crowd.ground
+        way = preferred[kind * ground.tile_count + tile_of(spot.facet, spot.weight, ground.facets)]
+        way = tangential(way, ground.facets.normal[spot.facet])
+        size = wp.length(way)
+        if size > 1.0e-6:
+            result = way / size
+    return result
+
+
+@wp.func
+def line_has_room(i: int, spot: Spot, along: wp.vec3, bodies: Bodies, bend: wp.array(dtype=float), crowd: SurfaceCrowd):
+    """Whether all of body i, if it is a line, is where its class may be and on the surface, with its middle at a spot."""
+    body = crowd.outlines.body[i]
+    has_room = bool(True)
+    if bodies.kind[body] >= 0:
+        axis = (0.5 * crowd.outlines.length[i]) * along
+        back = way_back(spot.facet, spot.weight, axis, body, bodies, bend, crowd.ground)
+        has_room = wp.length_sq(back) == 0.0
+        if has_room:
+            has_room = line_fits(spot.facet, spot.weight, axis, body, bodies, bend, crowd.ground)
+    return has_room
+
+
 @wp.kernel
 def propose_places_on_surface(
     first: int,
@@ -652,6 +681,8 @@ def propose_places_on_surface(
     seed: int,
     pool: Pool,
     bodies: Bodies,
+    bend: wp.array(dtype=float),
+    preferred: wp.array(dtype=wp.vec3),
     crowd: SurfaceCrowd,
     # outputs
     chosen: wp.array(dtype=wp.int32),
@@ -660,7 +691,8 @@ def propose_places_on_surface(
 ):
     """The place of a pool where a stuck body overlaps the least, or the nearest where it does not; and its squared overlaps there.
 
-    Who may turn is turned at random. -1: none is better than to lie in what cannot give way.
+    Who may turn is turned at random; a line that prefers a direction lies there as it lies to that here. -1: none is better than to
+    lie in what cannot give way.
     """
     q = first + wp.tid()
     i = stuck[q]
@@ -673,6 +705,11 @@ def propose_places_on_surface(
     state = wp.rand_init(seed, i)
     along_curve = wp.randi(state, 0, wp.max(count, 1))
     own = crowd.position[i]
+    own_spot = spot_at(crowd.facet[i], crowd.weight[i], ground.facets)
+    own_normal = ground.facets.normal[own_spot.facet]
+    own_preferred = preferred_at(i, own_spot, bodies, preferred, crowd)
+    led = wp.length_sq(own_preferred) > 0.0
+    off = angle_between(own_preferred, carried(crowd.along[i], crowd.normal[i], own_normal), own_normal)
     least = float(PINNED_COST)
     far = float(1.0e30)
     best = int(-1)
@@ -693,8 +730,15 @@ def propose_places_on_surface(
             if outlines.ease[i] > 0.0:
                 heading = angle
             there = direction_at(heading, spot.facet, crowd)
-            here.along = carried(there, ground.facets.normal[spot.facet], here.normal)
-            if may_be(spot, support, ground.clear[body][0], ground):
+            normal = ground.facets.normal[spot.facet]
+            if led:
+                way = preferred_at(i, spot, bodies, preferred, crowd)
+                if wp.length_sq(way) > 0.0:
+                    there = wp.cos(off) * way + wp.sin(off) * wp.cross(normal, way)
+            here.along = carried(there, normal, here.normal)
+            if may_be(spot, support, ground.clear[body][0], ground) and line_has_room(
+                i, spot, there, bodies, bend, crowd
+            ):
                 most = wp.max(least, free)
                 found = cost_of_standing(i, i, here, i, most, crowd)
                 if found < most:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from .kernels_outlines import BAND, FACES_OF_ONE, Outlines, beyond_face, separation_along_faces, support
+from .kernels_outlines import BAND, FACES_OF_ONE, Outlines, apart, beyond_face, separation_along_faces, support
 
 wp.set_module_options({"enable_backward": False})
 
@@ -294,6 +294,23 @@ def touch(i: int, j: int, d: wp.vec2, outlines: Outlines, enough: float, hint: i
     ``hint`` is that of the last contact of the two, 0 for none.
     """
     return touch_between(i, j, core_of(i, outlines), core_of(j, outlines), d, outlines, enough, hint)
+
+
+@wp.func
+def depth_of_overlap(i: int, a: int, j: int, b: int, d: wp.vec2, outlines: Outlines):
+    """How deep two outlines lie in each other, 0 where they are apart; see :func:`~.kernels_outlines.apart`."""
+    depth = -apart(i, a, j, b, d, outlines, 0.0)
+    r = outlines.rounding[i] + outlines.rounding[j]
+    a_count = outlines.first_corner[i + 1] - outlines.first_corner[i]
+    b_count = outlines.first_corner[j + 1] - outlines.first_corner[j]
+    if depth > 0.0 and depth < r and a_count + b_count > 2:
+        # Cores apart: their nearest points may be corners, which are farther from each other than any face tells.
+        squared, _on_a, _on_b = nearest_on_edges(outlines.corner, a, a_count, b, b_count, d)
+        if b_count > 1:
+            other, _on_b, _on_a = nearest_on_edges(outlines.corner, b, b_count, a, a_count, -d)
+            squared = wp.min(squared, other)
+        depth = r - wp.sqrt(squared)
+    return wp.max(depth, 0.0)
 
 
 @wp.struct

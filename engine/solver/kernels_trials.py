@@ -9,9 +9,10 @@ from ..space.kernels_meeting import keep_apart
 from ..space.kernels_neighborhood import LANES, SAFELY, bodies_of_run, cells_around, lowest_bit, next_near, run_count
 from ..space.kernels_space import Space, confine, difference
 from .kernels_descent import Bodies, vector_into_support
-from .kernels_outlines import Outlines, apart, turned_corner, wall_contact
+from .kernels_outlines import Outlines, turned_corner, wall_contact
 from .kernels_pairs import Crowd
 from .kernels_separation import WALL_COST
+from .kernels_touch import depth_of_overlap
 
 wp.set_module_options({"enable_backward": False})
 
@@ -61,7 +62,7 @@ def comes_near(j: int, at: wp.vec2, reach: float, outlines: Outlines):
 @wp.func
 def cost_of_pair(i: int, corners: int, j: int, d: wp.vec2, outlines: Outlines):
     """The squared overlap of body i with body j at a place relative to it, and more where that one cannot give way."""
-    depth = -apart(i, corners, j, outlines.first_corner[j], d, outlines, 0.0)
+    depth = depth_of_overlap(i, corners, j, outlines.first_corner[j], d, outlines)
     if depth <= 0.0:
         return 0.0
     depth = depth / wp.min(outlines.width[i], outlines.width[j])

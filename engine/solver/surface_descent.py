@@ -185,7 +185,14 @@ class SurfaceDescent:
             again: Whether they were parted before, and have moved little since.
         """
         parting = SurfaceSeparation(
-            self.model, self.launcher, self.bodies, self.ground, self.facets, self.state, self.share
+            self.model,
+            self.launcher,
+            self.bodies,
+            self.ground,
+            self.facets,
+            self.state,
+            self.share,
+            self.rules.preferred,
         )
         return parting.run(go_on, again=again)
 

@@ -44,6 +44,7 @@ class SurfaceSeparation(Separation):
         facets: The surface, cut.
         state: Where the bodies are; they are moved, and turned where they may be.
         share: Share of every class's density on every tile, shape ``[class_count, tile_count]``.
+        preferred: Directions that lines prefer, on every tile, kind after kind; as the descent's kernels take them.
     """
 
     SEES_COPIES = True
@@ -57,8 +58,9 @@ class SurfaceSeparation(Separation):
         facets: Facets,
         state: SurfaceState,
         share: np.ndarray,
+        preferred: wp.array,
     ) -> None:
-        self._share = share
+        self._share, self._preferred = share, preferred
         self._bodies, self._ground, self._facets, self._state = bodies, ground, facets, state
         n, unit, device = model.body_count, model.unit, launcher.device
         axis = state.axis.numpy().astype(np.float64)
@@ -267,8 +269,6 @@ class SurfaceSeparation(Separation):
 
     def _propose_places(self, stuck: np.ndarray, candidates: int, seed: int) -> ProposedPlaces:
         launcher, crowd, pool = self.launcher, self._crowd, self._pool
-        # Lines lie on several places at once.
-        stuck_line = self._is_line[self._order[stuck]]
         chosen, axis = launcher.empty(len(stuck), wp.int32), launcher.empty(len(stuck), wp.vec3)
         left = launcher.empty(len(stuck), float)
         launcher.launch(
@@ -280,6 +280,8 @@ class SurfaceSeparation(Separation):
                 seed,
                 pool,
                 self._bodies,
+                self._state.bend,
+                self._preferred,
                 crowd,
             ],
             [chosen, axis, left],
@@ -304,7 +306,7 @@ class SurfaceSeparation(Separation):
                 changed[moved] = values[landing]
                 array.assign(changed)
 
-        return ProposedPlaces(position, np.where((there < 0) | stuck_line, np.inf, left.numpy()), land)
+        return ProposedPlaces(position, np.where(there < 0, np.inf, left.numpy()), land)
 
     def _find_costs(self, cost: wp.array) -> None:
         self.launcher.launch(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.fixed_bodies import FixedBodies
@@ -15,6 +16,7 @@ from esh.engine.problem.line import Line
 from esh.engine.problem.obstacles import Obstacle
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
+from esh.engine.problem.surface import Surface, SurfaceMesh
 from esh.engine.solve import solve
 from esh.engine.solver.body_flags import BodyFlags
 from esh.engine.solver.footprint_tables import numbered, ranked
@@ -543,6 +545,35 @@ def test_nobody_stays_wedged_between_fixed_bodies(boundary, footprint, apart):
     assert placement.report.overlaps == 0 and placement.report.converged
     away = np.hypot(*(placement.position[:, None] - places).transpose(2, 0, 1)).min(axis=0)
     assert away.max() < 1e-5
+
+
+def _plane_and_ball(area):
+    ball = trimesh.creation.icosphere(3, radius=math.sqrt(area / (4.0 * math.pi)))
+    return Domain((math.sqrt(area),) * 2), Surface(SurfaceMesh(ball.vertices, ball.faces))
+
+
+@pytest.mark.parametrize("on_surface", [False, True])
+def test_trials_of_places_see_the_overlaps_that_contacts_see(on_surface, monkeypatch):
+    """Of outlines with round corners, too, which may come near a corner of another one and not touch it."""
+    seen, left = [], Separation._left
+
+    def compared(self):
+        found = left(self)
+        cost = self.launcher.zeros(self._count, float)
+        self._sort()
+        self._find_costs(cost)
+        pairs = self._cost.numpy()
+        seen.append((float(cost.numpy().sum()), float(pairs.sum())))
+        return found
+
+    monkeypatch.setattr(Separation, "_left", compared)
+    lines = Size("line", 0.4, 60, line=Line(length=2.0, direction="none"))
+    round_box = Footprints(Footprint(0.2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]), 0.3), turn="random")
+    classes = [BodyClass("a", [lines, Size("disc", 0.8, 60), Size("box", None, 60, footprint=round_box)])]
+    solve(Problem(_plane_and_ball(230.0)[on_surface], classes, avoid_overlap=True), device="cpu", max_steps=3)
+    trials, contacts = np.array([one for one in seen if one[1] > 1e-3]).T
+    assert len(trials) > 3
+    np.testing.assert_allclose(trials, contacts, rtol=0.02)
 
 
 @pytest.mark.parametrize("count", [100, 200])

@@ -14,6 +14,7 @@ from esh.engine.problem.cover import cover_of
 from esh.engine.problem.footprint import Footprint
 from esh.engine.problem.footprints import Footprints
 from esh.engine.quality.measurement import measure
+from esh.engine.solver.surface_separation import SurfaceSeparation
 from scipy.spatial import cKDTree
 
 BOX = Footprint.rectangle(1.0, 0.7)
@@ -257,6 +258,44 @@ def test_lines_and_several_classes_keep_off():
         assert ground.distance(body) > radius - 1e-4
 
 
+@pytest.mark.parametrize("direction", ["none", "slope"])
+def test_lines_that_are_wedged_between_outlines_jump_and_lie_there_as_they_are_led(direction, monkeypatch):
+    """Boxes cover 28 % of a torus and of a cube that is turned, and lines 14 %."""
+    jumped, propose = [], SurfaceSeparation._propose_places
+
+    def noted(self, stuck, *others):
+        found = propose(self, stuck, *others)
+
+        def land(landing):
+            jumped.extend(self._order[stuck[landing]])
+            found.land(landing)
+
+        return found._replace(land=land)
+
+    monkeypatch.setattr(SurfaceSeparation, "_propose_places", noted)
+    cube = trimesh.creation.box((1.0, 1.0, 1.0))
+    cube.apply_transform(trimesh.transformations.rotation_matrix(0.7, [1, 2, 3]))
+    cube.apply_translation([2.5, 0.0, 0.0])
+    torus = trimesh.creation.torus(1.0, 0.4, major_sections=64, minor_sections=32)
+    surface = esh.Surface([esh.SurfaceMesh(mesh.vertices, mesh.faces) for mesh in (torus, cube)])
+    first = solved(boxes(surface, 400, 0.28, seed=1))
+    width = np.sqrt(0.14 * surface.area / (200 * 4.0))
+    line = esh.Size("line", 4.0 * width**2, 200, line=esh.Line(length=4.0 * width, direction=direction))
+    obstacles = [standing(first)]
+    placement = solved(
+        esh.Problem(surface, [esh.BodyClass("line", [line])], avoid_overlap=True, obstacles=obstacles, seed=2)
+    )
+    assert first.report.overlaps == placement.report.overlaps == placement.report.in_obstacles == 0
+    assert len(jumped) > 10 and len(placement.position) == 200
+    if direction == "slope":
+        normal = placement.normal[jumped]
+        down = np.array([0.0, 0.0, -1.0]) + normal[:, 2:] * normal
+        steep = np.linalg.norm(down, axis=1)
+        cosine = np.abs((down * placement.tangent[jumped]).sum(axis=1)) / steep
+        # Lines have no front, and contact turns some.
+        assert np.median(cosine[steep > 0.3]) > 0.95
+
+
 def test_an_edit_makes_room_for_what_has_come_and_uses_what_is_left():
     surface = square()
     first = solved(boxes(surface, 100, 0.2, seed=1))
@@ -299,6 +338,20 @@ def test_what_does_not_fit_between_outlines_is_told_before_a_run():
     assert cover_of(few).covered == pytest.approx(0.1 / (1.0 - 0.35), rel=0.03)
     assert solved(few).report.covered == pytest.approx(0.1 / (1.0 - 0.35), rel=0.03)
     assert cover_of(boxes(surface, 150, 0.45, seed=2)).warning is None
+
+
+def test_places_that_are_far_from_the_surface_or_upright_tangents_are_told():
+    surface = square()
+    classes = [esh.BodyClass("a", [esh.Size("s", 1e-3, 10)])]
+    high = esh.Obstacle(disc=(0.0, 0.0, 0.1), position=[(0.2, 0.2, 0.05), (0.0, 0.0, 100.0)])
+    notes = solved(esh.Problem(surface, classes, obstacles=[high])).report.notes
+    assert any("an obstacle's `position` is 100 m from the surface" in note for note in notes)
+    near = esh.Obstacle(disc=(0.0, 0.0, 0.1), position=(0.2, 0.2, 0.05))
+    assert not any(
+        "from the surface" in note for note in solved(esh.Problem(surface, classes, obstacles=[near])).report.notes
+    )
+    with pytest.raises(esh.ProblemError, match=r"`obstacle\.tangent` must point along the surface, not along"):
+        esh.Obstacle(polygon=CORNERS, position=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), tangent=(0.0, 0.0, -2.0))
 
 
 def test_distances_from_outlines_are_those_of_shapely():
