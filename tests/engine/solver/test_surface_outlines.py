@@ -54,18 +54,18 @@ def turned(vector, normal, other):
     return turn.apply(vector)
 
 
-def overlapping(placement, tolerance=1e-3):
+def overlapping(placement, tolerance=1e-3, flat_faces=False):
     """Pairs that lie deeper in each other than a share of the smaller width, in the plane between those that touch at the two."""
     outlines = [outline_of(placement, i) for i in range(len(placement.position))]
     reach = max(outline.circumradius for outline in outlines)
     pairs = cKDTree(placement.position).query_pairs(2.0 * reach)
     # The surface that the triangles of a ball stand for.
-    round_ = np.ptp(placement.position[:, 2]) > 0.5
+    round_ = np.ptp(placement.position[:, 2]) > 0.5 and not flat_faces
     out = placement.position / np.linalg.norm(placement.position, axis=1, keepdims=True) if round_ else placement.normal
     found = []
     for i, j in sorted(pairs):
         n, m = out[i], out[j]
-        if n @ m <= 0.0:
+        if n @ m < (-0.1 if flat_faces else 1e-12):
             continue
         between = (n + m) / np.linalg.norm(n + m)
         shrink = -0.5 * tolerance * min(outlines[i].width, outlines[j].width)
@@ -108,6 +108,14 @@ def test_boxes_and_planks_on_half_of_a_sphere_do_not_overlap(parted, turn):
     assert len(deep) > 100
     assert len(deep) <= loose.report.overlaps <= len(most) <= len(deep) + 3
     assert {i for pair in deep for i in pair} <= set(loose.report.overlapping) <= {i for pair in most for i in pair}
+
+
+@pytest.mark.parametrize("thickness", [1.0, 0.05])
+def test_outlines_keep_apart_across_the_edges_of_boxes_however_these_are_turned(thickness):
+    box = trimesh.creation.box((thickness, 1.0, 1.0))
+    box.apply_transform(trimesh.transformations.rotation_matrix(0.7, [1, 2, 3]))
+    placement = esh.solve(asked(esh.Surface(esh.SurfaceMesh(box.vertices, box.faces)), [BOX], 300, 0.6), device="cpu")
+    assert overlapping(placement, flat_faces=True) == [] and placement.report.overlaps == 0
 
 
 def first_axis(normal):
