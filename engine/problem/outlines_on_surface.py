@@ -6,7 +6,6 @@ point, as outlines of bodies meet each other.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -17,17 +16,12 @@ import numpy as np
 from .footprint import Footprint
 from .nearest_on_triangles import corner_weights, nearest_on_triangles
 from .obstacles import Obstacle
+from .one_sheet import LEAST_COSINE, STEEPER
 from .surface import PointsOnSurface, Surface
 from .unit_vectors import tangent_frame, unit_vectors
 
 __all__ = ["OutlinesOnSurface", "distance_from_outline", "outlines_on_surface"]
 
-# Bodies on one sheet see each other along it. Where the way between them leaves the two planes by this much more [rad] than these are
-# turned, they lie on two sheets, one above the other.
-STEEPER = math.pi / 3.0
-# Nor do they where the surface turns by much more than a right angle between them: below this cosine. Across a right-angled edge they
-# do, whatever rounding makes of its cosine of 0.
-LEAST_COSINE = -0.1
 # Normals that look away from a face by more than this cosine say nothing of the plane that a tangent lies in.
 STEEPEST = 0.2
 # Levels of size, each of outlines within a factor of two; whatever is smaller still goes into the last.

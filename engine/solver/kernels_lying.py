@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import math
-
 import warp as wp
 
 from ..cascade.kernels_points import slot_of
+from ..problem import one_sheet
 from ..surface.kernels_facets import carried, tangential
 
 wp.set_module_options({"enable_backward": False})
 
-# Bodies on one sheet see each other along it. Where the way between them leaves the two planes by this much more [rad] than these are
-# turned, they lie on two sheets, one above the other.
-STEEPER = wp.constant(math.pi / 3.0)
-# Nor do they where the surface turns by much more than a right angle between them: below this cosine. Across a right-angled edge they
-# do, whatever rounding makes of its cosine of 0.
-LEAST_COSINE = wp.constant(-0.1)
+STEEPER, LEAST_COSINE = wp.constant(one_sheet.STEEPER), wp.constant(one_sheet.LEAST_COSINE)
 
 
 @wp.struct

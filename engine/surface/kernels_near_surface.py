@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..problem import one_sheet
+
 wp.set_module_options({"enable_backward": False})
+
+LEAST_COSINE = wp.constant(one_sheet.LEAST_COSINE)
 
 
 @wp.func
@@ -120,6 +124,6 @@ def find_covered(
     query = wp.hash_grid_query(grid, position[i], radius)
     j = int(0)
     while wp.hash_grid_query_next(query, j):
-        if wp.length(disc[j] - position[i]) <= radius and wp.dot(disc_normal[j], normal[i]) > 0.0:
+        if wp.length(disc[j] - position[i]) <= radius and wp.dot(disc_normal[j], normal[i]) >= LEAST_COSINE:
             covered[i] = wp.uint8(1)
             return
