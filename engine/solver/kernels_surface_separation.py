@@ -660,6 +660,41 @@ def preferred_at(i: int, spot: Spot, bodies: Bodies, preferred: wp.array(dtype=w
 
 
 @wp.func
+def turn_from_preferred(i: int, bodies: Bodies, preferred: wp.array(dtype=wp.vec3), crowd: SurfaceCrowd):
+    """How body i lies to the direction that it prefers where it is, and 1; 0 and 0 where it prefers none."""
+    spot = spot_at(crowd.facet[i], crowd.weight[i], crowd.ground.facets)
+    normal = crowd.ground.facets.normal[spot.facet]
+    way = preferred_at(i, spot, bodies, preferred, crowd)
+    result = wp.vec2(0.0, 0.0)
+    if wp.length_sq(way) > 0.0:
+        result = wp.vec2(angle_between(way, carried(crowd.along[i], crowd.normal[i], normal), normal), 1.0)
+    return result
+
+
+@wp.func
+def direction_of_trial(
+    i: int,
+    spot: Spot,
+    angle: float,
+    led: wp.vec2,
+    bodies: Bodies,
+    preferred: wp.array(dtype=wp.vec3),
+    crowd: SurfaceCrowd,
+):
+    """Where the x axis of body i points somewhere, in the plane of the facet there: as it is led, as was given, or by an angle."""
+    heading = crowd.heading[i]
+    if crowd.outlines.ease[i] > 0.0:
+        heading = angle
+    result = direction_at(heading, spot.facet, crowd)
+    if led[1] > 0.0:
+        way = preferred_at(i, spot, bodies, preferred, crowd)
+        if wp.length_sq(way) > 0.0:
+            beside = wp.cross(crowd.ground.facets.normal[spot.facet], way)
+            result = wp.cos(led[0]) * way + wp.sin(led[0]) * beside
+    return result
+
+
+@wp.func
 def line_has_room(i: int, spot: Spot, along: wp.vec3, bodies: Bodies, bend: wp.array(dtype=float), crowd: SurfaceCrowd):
     """Whether all of body i, if it is a line, is where its class may be and on the surface, with its middle at a spot."""
     body = crowd.outlines.body[i]
@@ -705,11 +740,7 @@ def propose_places_on_surface(
     state = wp.rand_init(seed, i)
     along_curve = wp.randi(state, 0, wp.max(count, 1))
     own = crowd.position[i]
-    own_spot = spot_at(crowd.facet[i], crowd.weight[i], ground.facets)
-    own_normal = ground.facets.normal[own_spot.facet]
-    own_preferred = preferred_at(i, own_spot, bodies, preferred, crowd)
-    led = wp.length_sq(own_preferred) > 0.0
-    off = angle_between(own_preferred, carried(crowd.along[i], crowd.normal[i], own_normal), own_normal)
+    led = turn_from_preferred(i, bodies, preferred, crowd)
     least = float(PINNED_COST)
     far = float(1.0e30)
     best = int(-1)
@@ -726,16 +757,8 @@ def propose_places_on_surface(
             here.position = spot.position
             here.facet = spot.facet
             here.normal = smooth_normal(spot.facet, spot.weight, ground.facets)
-            heading = crowd.heading[i]
-            if outlines.ease[i] > 0.0:
-                heading = angle
-            there = direction_at(heading, spot.facet, crowd)
-            normal = ground.facets.normal[spot.facet]
-            if led:
-                way = preferred_at(i, spot, bodies, preferred, crowd)
-                if wp.length_sq(way) > 0.0:
-                    there = wp.cos(off) * way + wp.sin(off) * wp.cross(normal, way)
-            here.along = carried(there, normal, here.normal)
+            there = direction_of_trial(i, spot, angle, led, bodies, preferred, crowd)
+            here.along = carried(there, ground.facets.normal[spot.facet], here.normal)
             if may_be(spot, support, ground.clear[body][0], ground) and line_has_room(
                 i, spot, there, bodies, bend, crowd
             ):
