@@ -10,6 +10,7 @@ import numpy as np
 from bpy.props import EnumProperty
 
 from ..properties.scene import active_scatter, selected_scatter
+from ..result.scene_units import in_scene_units
 from ..solving import running
 from ..targets.target import RESULT_TARGET, is_result
 
@@ -179,6 +180,6 @@ def remove_at(collection: Any, index: int) -> int:
 
 
 def sentence(error: Exception | str) -> str:
-    """Return a sentence as Blender's status line shows it: with a capital letter, without back quotes."""
-    text = str(error).replace("`", "")
+    """Return a sentence as Blender's status line shows it: with a capital letter, without back quotes, in the scene's units."""
+    text = in_scene_units(bpy.context.scene, str(error).replace("`", ""))
     return text[:1].upper() + text[1:]

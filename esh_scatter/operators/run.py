@@ -20,6 +20,7 @@ from ..properties.described import identifier_of, property_of, value_of
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import words
+from ..result.scene_units import in_scene_units
 from ..solving import running
 from ..targets.target import members_of
 from .edit import remove_at, sentence, settings_editable, stood_on
@@ -192,6 +193,7 @@ class _Run(bpy.types.Operator):
         text = words.summary(report)
         if look:
             text += f". {look[0]}" + (f" (and {len(look) - 1} more in the panel)" if len(look) > 1 else "")
+        text = in_scene_units(bpy.context.scene, text)
         self.report({"WARNING" if look or words.has_trouble(report) else "INFO"}, text)
         return {"FINISHED"}
 

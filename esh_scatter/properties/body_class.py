@@ -24,6 +24,7 @@ from ...engine.problem.look_at import LookAt
 from ...engine.problem.scatter_settings import Standing
 from ...engine.problem.settings import settings_of
 from ..classes.amount import Amount
+from ..result.scene_units import area_unit, in_scene_units
 from .described import property_of, values_from, with_properties
 from .entries import entry_at
 from .layer import ESH_PG_layer
@@ -219,8 +220,8 @@ class ESH_PG_class(PropertyGroup):
         if self.count_kind in ("SIZES", "TOTAL"):
             return f"{self.count:,}"
         return {
-            "PER_AREA": f"{self.per_area:.3g}/m²",
-            "DISTANCE": f"{self.distance:.3g} m apart",
+            "PER_AREA": f"{self.per_area:.3g}/{area_unit(self.id_data)}",
+            "DISTANCE": in_scene_units(self.id_data, f"{self.distance:.3g} m apart"),
             "SHARE": f"{self.cover_share:.0%} cover",
             "COVER": "by density",
         }[self.count_kind]

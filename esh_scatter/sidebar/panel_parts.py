@@ -9,6 +9,7 @@ import bpy
 from ..properties.described import shown_settings
 from ..properties.scene import active_scatter
 from ..result import words
+from ..result.scene_units import in_scene_units
 from ..solving import running
 
 __all__ = [
@@ -20,7 +21,6 @@ __all__ = [
     "draw_settings",
     "fits_line",
     "is_narrow",
-    "length_text",
     "text_width",
     "units_of",
     "width_of",
@@ -37,8 +37,6 @@ MARGINS, ICON = 56, 26
 PARTED, CHECKBOX, CHOICE = 0.42, 28, 42
 # What the buttons beside the name of an image take.
 IMAGE_BUTTONS = 150
-# Between these lengths meters are told as such [m].
-SHORTEST, LONGEST = 0.01, 1000.0
 # What a label leaves free around its text, and how wide a unit of a layout is.
 AROUND, UNIT = 12, 20
 
@@ -90,20 +88,6 @@ def units_of(context: bpy.types.Context, text: str) -> float:
 def is_narrow(context: bpy.types.Context) -> bool:
     """Tell whether the sidebar is so narrow that names need the room of what may be missing."""
     return width_of(context) <= NARROW
-
-
-def length_text(context: bpy.types.Context, length: float) -> str:
-    """Return a length as the scene's units tell it, with as many digits as are worth reading."""
-    units = context.scene.unit_settings
-    if units.system == "NONE":
-        return words.meters(length).removesuffix(" m")
-    told = length * units.scale_length
-    if units.system == "METRIC" and SHORTEST <= told <= LONGEST:
-        return words.meters(told)
-    text: str = bpy.utils.units.to_string(
-        units.system, "LENGTH", told, precision=3, split_unit=False, compatible_unit=False
-    )
-    return text
 
 
 def draw_property(
@@ -200,7 +184,8 @@ def fits_line(context: bpy.types.Context, text: str) -> bool:
 
 
 def write_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str = "NONE") -> None:
-    """Draw ``text`` on as many lines as the sidebar's width asks for."""
+    """Draw ``text``, in the scene's units, on as many lines as the sidebar's width asks for."""
+    text = in_scene_units(context.scene, text)
     room = width_of(context) - MARGINS - (ICON if icon != "NONE" else 0)
     column = layout.column(align=True)
     for number, line in enumerate(_wrapped(context, text, room)):

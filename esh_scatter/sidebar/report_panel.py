@@ -7,7 +7,8 @@ import bpy
 from ..editing import forecast
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import words
-from .panel_parts import SubPanel, length_text, write_text
+from ..result.scene_units import length_text
+from .panel_parts import SubPanel, write_text
 
 __all__ = ["CLASSES"]
 
@@ -33,7 +34,7 @@ class ESH_PT_report(SubPanel, bpy.types.Panel):
         facts = layout.column(align=True)
         _draw_fact(facts, "Overlaps", words.overlaps(report), "ERROR" if report["overlaps"] else "NONE")
         if report["overlaps"] and report.get("deepest_overlap"):
-            _draw_fact(facts, "Deepest", length_text(context, report["deepest_overlap"]))
+            _draw_fact(facts, "Deepest", length_text(context.scene, report["deepest_overlap"]))
         if report["overlaps"] and report.get("deepest_pair") is not None:
             row = facts.row(align=True)
             row.operator("esh.select_overlapping", text="Select")
@@ -42,8 +43,8 @@ class ESH_PT_report(SubPanel, bpy.types.Panel):
             # Which classes are uneven stands beside their counts.
             _draw_fact(facts, "Evenness", evenness.partition(":")[0])
         if report.get("closest") is not None:
-            _draw_fact(facts, "Closest Pair", length_text(context, report["closest"]))
-            _draw_fact(facts, "Typical Spacing", length_text(context, report["usual"]))
+            _draw_fact(facts, "Closest Pair", length_text(context.scene, report["closest"]))
+            _draw_fact(facts, "Typical Spacing", length_text(context.scene, report["usual"]))
         _draw_fact(facts, "Ground Covered", f"{report['covered']:.0%}")
         _draw_fact(facts, "Time", f"{report['seconds']:.1f} s, {report['steps']} steps")
         _draw_fact(facts, "Device", report["device"].upper())

@@ -1,0 +1,64 @@
+"""Lengths and areas as a scene's units tell them; what is said is computed in Blender units, which engine sentences call meters."""
+
+import re
+
+import bpy
+
+from . import words
+
+__all__ = ["area_unit", "in_scene_units", "length_text"]
+
+# Between these lengths meters are told as such [m].
+SHORTEST, LONGEST = 0.01, 1000.0
+_NUMBER = r"\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?"
+# "0.05 m", "3 m²", "9 by 3 m", "9 x 3 m"; not "5 m/s", nor what is a part of a name: "tree2 m".
+_MEASURED = re.compile(rf"(?<![\w.,])({_NUMBER})( by | x )?((?(2){_NUMBER})) m(²?)(?![\w/])")
+
+
+def length_text(scene: bpy.types.Scene, length: float) -> str:
+    """Return a length as the scene's units tell it, with as many digits as are worth reading."""
+    units = scene.unit_settings
+    if units.system == "NONE":
+        return words.meters(length).removesuffix(" m")
+    told = length * units.scale_length
+    if units.system == "METRIC" and SHORTEST <= told <= LONGEST:
+        return words.meters(told)
+    return _told(scene, "LENGTH", told)
+
+
+def area_unit(scene: bpy.types.Scene) -> str:
+    """Return what an area of one Blender unit along each side is called: "m²" where it is one."""
+    return "m²" if _is_plain(scene) else "unit²"
+
+
+def in_scene_units(scene: bpy.types.Scene, text: str) -> str:
+    """Return a sentence with its lengths and areas in the scene's units."""
+    if _is_plain(scene):
+        return text
+
+    def told(found: re.Match[str]) -> str:
+        one, between, other, square = found.groups()
+        numbers = [float(number.replace(",", "")) for number in (one, other) if number]
+        return (between or "").join(_area_text(scene, n) if square else length_text(scene, n) for n in numbers)
+
+    return _MEASURED.sub(told, text)
+
+
+def _is_plain(scene: bpy.types.Scene) -> bool:
+    """Whether a Blender unit is a meter."""
+    units = scene.unit_settings
+    return bool(units.system == "METRIC" and abs(units.scale_length - 1.0) < 1e-6)
+
+
+def _area_text(scene: bpy.types.Scene, area: float) -> str:
+    units = scene.unit_settings
+    if units.system == "NONE":
+        return f"{area:g} unit²"
+    return _told(scene, "AREA", area * units.scale_length**2)
+
+
+def _told(scene: bpy.types.Scene, kind: str, value: float) -> str:
+    text: str = bpy.utils.units.to_string(
+        scene.unit_settings.system, kind, value, precision=3, split_unit=False, compatible_unit=False
+    )
+    return text
