@@ -74,7 +74,7 @@ def rest_influence(convolution: Convolution, layout: MeshLayout, variance: float
 
 
 def product_influence(convolution: Convolution, along_y: np.ndarray, along_x: np.ndarray) -> wp.array:
-    """Influence function that is the product of one along y, shape ``[padded rows // 2 + 1]``, and one along x."""
+    """Influence function that is the product of one along y, shape ``[padded rows // 2 + 1]``, and one along x, as long or shorter."""
     launcher = convolution.launcher
     waves = _waves(convolution, along_y, along_x)
     influence = launcher.zeros(convolution.influence_size, float)
@@ -94,7 +94,7 @@ def _waves_of(convolution: Convolution, layout: MeshLayout, scale: float) -> ker
 def _waves(convolution: Convolution, window_y: np.ndarray, window_x: np.ndarray) -> kernels_influence.Waves:
     launcher = convolution.launcher
     waves = kernels_influence.Waves()
-    waves.count_y, waves.count_x = convolution.influence_rows, convolution.padded[1] // 2 + 1
+    waves.count_y, waves.count_x = convolution.influence_rows, convolution.influence_columns
     waves.stride_y, waves.stride_x = convolution.influence_strides
     waves.period_y = convolution.padded[0]
     waves.window_x = launcher.array(window_x.astype(np.float64), wp.float64)

@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..device.devices import resolve_device
-from ..device.launcher import Launcher
+from ..device.launcher import GRAIN, Launcher
 from ..field.influence import product_influence
 from ..problem.domain import Domain
 from ..problem.of_bodies import one_by_one
@@ -23,6 +23,8 @@ __all__ = ["Coverage", "coverage_error"]
 
 # A Gaussian has fallen to 1e-8 of its height here.
 REACH_OVER_SIGMA = 6.0
+# And its transform has fallen to as little at the wave number of the padded length times this, over sigma.
+WAVES_BY_SIGMA = 0.97
 # Elements of the largest transform whose blur is kept for the next run.
 MOST_KEPT = 1 << 20
 # Cells whose squares an element adds up; on the CPU those of a row.
@@ -89,8 +91,7 @@ class Coverage:
         self._class = self.launcher.array(class_index, wp.int32)
         self._shared: tuple[np.ndarray, wp.array] | None = None
         # One grid for all classes in turn: there may be many of them.
-        self._grid = self.launcher.empty(rows * columns, wp.int64)
-        self.launcher.launch(kernels_coverage.empty_cells, rows * columns, [], [self._grid])
+        self._grid = self.launcher.zeros(rows * columns, wp.int64)
 
     def error(self, targets: Sequence[Target], one: int | None = None, k: float = 1.0) -> float:
         """:func:`coverage_error` of class ``one``, or else of all together, beside what the targets add up to."""
@@ -108,12 +109,15 @@ class Coverage:
         padded = shape
         if not domain.periodic:
             reach = [min(n, math.ceil(REACH_OVER_SIGMA * s)) for n, s in zip(shape, sigma, strict=True)]
-            on_gpu = launcher.device.is_cuda
             padded_rows, padded_columns = (
-                good_length(n + r, power_of_two=on_gpu) for n, r in zip(shape, reach, strict=True)
+                good_length(n + r, power_of_two=launcher.device.is_cuda) for n, r in zip(shape, reach, strict=True)
             )
             padded = (padded_rows, padded_columns)
-        convolution = Convolution(launcher, shape, padded)
+        waves = None
+        if domain.periodic or padded[1] >= shape[1] + REACH_OVER_SIGMA * sigma[1]:
+            # Of a Gaussian that is whole.
+            waves = math.ceil(WAVES_BY_SIGMA * padded[1] / sigma[1]) + 1
+        convolution = Convolution(launcher, shape, padded, waves=waves)
 
         def blur() -> wp.array:
             along_y, along_x = (
@@ -125,24 +129,28 @@ class Coverage:
         key = ("coverage", shape, padded, *sigma, domain.periodic)
         influence = launcher.kept(key, blur) if padded[0] * padded[1] <= MOST_KEPT else blur()
         difference = launcher.empty(shape[0] * shape[1], float)
-        factor = self._unit * rows * columns / total
-        launcher.launch(kernels_coverage.take_clouds, shape[0] * columns, [factor], [self._grid, difference])
+        cells, on_gpu = rows * columns, launcher.device.is_cuda
         weights = sum(weight for _, weight in targets)
+        # What is the same everywhere.
+        even = sum(weight for image, weight in targets if image.size == 1) / weights
+        block = 1 if on_gpu else columns
+        inputs = [block, self._unit * cells / total, -even]
+        launcher.launch(
+            kernels_coverage.take_clouds,
+            len(difference) // block,
+            inputs,
+            [self._grid, difference],
+            grain=max(1, GRAIN // block),
+        )
         for image, weight in targets:
-            factor = -rows * columns * weight / weights
-            if image.size == 1:
-                # The same everywhere.
-                launcher.launch(
-                    kernels_coverage.add_everywhere, rows * columns, [factor / (rows * columns)], [difference]
-                )
-                continue
-            share = self._share_of(image)
-            launcher.launch(kernels_coverage.add_shares, rows * columns, [share, factor], [difference])
+            if image.size > 1:
+                inputs = [self._share_of(image), -cells * weight / weights]
+                launcher.launch(kernels_coverage.add_shares, cells, inputs, [difference])
         convolution.apply(influence, difference)
-        cells = rows * columns
-        block = CELLS_ON_GPU if launcher.device.is_cuda else columns
+        block = CELLS_ON_GPU if on_gpu else columns
         squares = launcher.empty(-(-cells // block), wp.float64)
-        launcher.launch(kernels_coverage.sum_squares, len(squares), [difference, cells, block], [squares])
+        inputs = [difference, cells, block]
+        launcher.launch(kernels_coverage.sum_squares, len(squares), inputs, [squares], grain=max(1, GRAIN // block))
         return math.sqrt(float(squares.numpy().sum()) / cells)
 
     def _share_of(self, image: np.ndarray) -> wp.array:

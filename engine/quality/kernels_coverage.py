@@ -57,41 +57,42 @@ def deposit_clouds(
             add_at_once(grid, cell, wp.int64(wp.round(charge[i] * weight * CLOUD_SCALE)))
 
 
-@wp.kernel
-def empty_cells(
-    first: int,
-    # outputs
+# A processor takes several cells at once.
+_TAKE = """
+    long long* cells = (long long*)grid.data;
+    float* to = (float*)result.data;
+    const int there = end < (int)grid.shape[0] ? end : (int)grid.shape[0];
+    int i = begin;
+    for (; i < there; ++i) to[i] = factor * (float)cells[i] + amount;
+    for (; i < end; ++i) to[i] = 0.0f;
+    for (i = begin; i < there; ++i) cells[i] = 0;
+"""
+
+
+@wp.func_native(_TAKE)
+def take_cells(
     grid: wp.array(dtype=wp.int64),
-):
-    grid[first + wp.tid()] = wp.int64(0)
+    begin: int,
+    end: int,
+    factor: float,
+    amount: float,
+    result: wp.array(dtype=float),
+): ...
 
 
 @wp.kernel
 def take_clouds(
     first: int,
+    block: int,
     factor: float,
+    amount: float,
     # outputs
     grid: wp.array(dtype=wp.int64),
     result: wp.array(dtype=float),
 ):
-    """What lies in every cell times a factor, and 0 behind the last of them; leaves the cells empty."""
-    i = first + wp.tid()
-    if i >= grid.shape[0]:
-        result[i] = 0.0
-        return
-    result[i] = factor * float(grid[i])
-    grid[i] = wp.int64(0)
-
-
-@wp.kernel
-def add_everywhere(
-    first: int,
-    amount: float,
-    # outputs
-    result: wp.array(dtype=float),
-):
-    i = first + wp.tid()
-    result[i] = result[i] + amount
+    """What lies in every cell of a block times a factor and an amount more, and 0 behind the last cell; leaves the cells empty."""
+    b = first + wp.tid()
+    take_cells(grid, b * block, wp.min((b + 1) * block, result.shape[0]), factor, amount, result)
 
 
 @wp.kernel

@@ -47,14 +47,24 @@ class Convolution:
         shape: Rows (an even number) and columns of the meshes.
         padded: Rows and columns of the transforms, from :func:`good_length`; at least ``shape``.
         count: Number of meshes.
+        waves: Influence functions are 0 from this wave number along x on; None where they are not. On the CPU the fewer, the quicker.
 
     Attributes:
         influence_size: Elements of an influence function.
         influence_strides: How far apart, in elements, its wave numbers lie along y and x.
         influence_rows: Wave numbers along y that it has: ``padded[0] // 2 + 1``, or all ``padded[0]`` of them.
+        influence_columns: Wave numbers along x that it has: ``padded[1] // 2 + 1``, or fewer where those are all.
     """
 
-    def __init__(self, launcher: Launcher, shape: tuple[int, int], padded: tuple[int, int], count: int = 1) -> None:
+    def __init__(
+        self,
+        launcher: Launcher,
+        shape: tuple[int, int],
+        padded: tuple[int, int],
+        count: int = 1,
+        *,
+        waves: int | None = None,
+    ) -> None:
         self.launcher = launcher
         self.shape = shape
         self.padded = padded
@@ -62,12 +72,15 @@ class Convolution:
         rows, columns = padded
         device = launcher.device
         self._gpu: GpuTransforms | None = None
+        self.influence_columns = columns // 2 + 1
         if device.is_cuda:
             self._gpu = GpuTransforms(device, shape, padded, count)
             self.influence_rows, self.influence_strides = rows, (1, rows)
             self.influence_size = rows * (columns // 2 + 1)
             return
-        self._stride = _whole_blocks(columns // 2 + 1) * kernels_fft.LANES
+        if waves is not None:
+            self.influence_columns = min(self.influence_columns, waves)
+        self._stride = _whole_blocks(self.influence_columns) * kernels_fft.LANES
         self.influence_rows, self.influence_strides = rows // 2 + 1, (self._stride, 1)
         self.influence_size = self.influence_rows * self._stride
         self._halves = self._half_rows(count * shape[0])

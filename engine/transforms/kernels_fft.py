@@ -341,7 +341,9 @@ _LOAD_HALF_ROWS = (
     + """
     V* __restrict__ re = REAL(0);
     V* __restrict__ im = IMAGINARY(0);
-    for (int k = 0; k <= length / 2; k += L)
+    // Wave numbers beyond the stride are 0.
+    for (int k = stride; k <= length - stride; ++k) re[k] = im[k] = (V)0.0f;
+    for (int k = 0; k <= length / 2 && k < stride; k += L)
     {
         Tile t[4];
         for (int i = 0; i < 4; ++i)
@@ -562,7 +564,7 @@ def transform_rows(
     # outputs
     half: HalfRows,
 ):
-    """Transform real rows of ``used`` elements, padded by zeros to ``length``, into half rows of ``stride``."""
+    """Transform real rows of ``used`` elements, padded by zeros to ``length``, into half rows of ``stride``, or as much of them."""
     block = block_of_rows(first + wp.tid(), row_count, used, length, stride)
     own = scratch[thread]
     load_rows(real, block, own)
@@ -641,7 +643,7 @@ def transform_rows_back(
     # outputs
     real: wp.array(dtype=float),
 ):
-    """The inverse of :func:`transform_rows`, times ``length``; the padding is left out."""
+    """The inverse of :func:`transform_rows`, times ``length``; the padding is left out, and wave numbers from ``stride`` on are 0."""
     block = block_of_rows(first + wp.tid(), row_count, used, length, stride)
     own = scratch[thread]
     load_half_rows(half, block, own)
