@@ -9,7 +9,7 @@ import bpy
 
 from ...engine.version import __version__
 
-__all__ = ["Tree", "parts_of", "remove_group"]
+__all__ = ["Tree", "parts_of", "remove_group", "remove_unused"]
 
 Socket: TypeAlias = bpy.types.NodeSocket
 
@@ -29,13 +29,20 @@ _SOCKETS = {
 class Tree:
     """A geometry node group that is being built; nodes stand in columns, in the order in which they are added.
 
+    Args:
+        name: Of a new group.
+        group: One that is built anew instead, from nothing.
+
     Attributes:
         group: The node group.
         inputs: Its inputs by name, to be linked.
     """
 
-    def __init__(self, name: str) -> None:
-        self.group = bpy.data.node_groups.new(name, "GeometryNodeTree")
+    def __init__(self, name: str, group: bpy.types.NodeTree | None = None) -> None:
+        if group is not None:
+            group.nodes.clear()
+            group.interface.clear()
+        self.group = group or bpy.data.node_groups.new(name, "GeometryNodeTree")
         self.inputs: dict[str, Socket] = {}
         self._rows: dict[int, int] = {}
         self._column = 0
@@ -186,6 +193,11 @@ def remove_group(group: bpy.types.NodeTree) -> None:
     """Remove a group from the file, with those of its parts that nothing else uses."""
     parts = parts_of(group)
     bpy.data.node_groups.remove(group)
+    remove_unused(parts)
+
+
+def remove_unused(parts: Sequence[bpy.types.NodeTree]) -> None:
+    """Remove parts that nothing uses any more."""
     for part in parts:
         if not part.users:
             remove_group(part)

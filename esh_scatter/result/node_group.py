@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from ..classes.node_tree import Socket, Tree, parts_of
+from ..classes.node_tree import Socket, Tree, parts_of, remove_unused
 from ..classes.shown_geometry import as_it_stands, source_instance
 from ..targets.target import RESULT_TAG, head_of, shown_collection
 
@@ -127,6 +127,7 @@ def build_node_group(
     sources: Sequence[bpy.types.Object | bpy.types.Collection],
     classes: Sequence[str] = (),
     followed: Sequence[Followed] = (),
+    group: bpy.types.NodeTree | None = None,
 ) -> bpy.types.NodeTree:
     """Make a node group that instances ``sources[instance_index]`` on each point, turned and scaled by attributes.
 
@@ -139,8 +140,10 @@ def build_node_group(
         sources: What ``instance_index`` counts.
         classes: Names of what ``class_index`` counts; each can be hidden by an input.
         followed: What the points follow, in the order of ``esh_target``; nothing leaves them where they are.
+        group: An earlier one that becomes this one; None for a new one.
     """
-    tree = Tree(name)
+    old_parts = parts_of(group) if group is not None else []
+    tree = Tree(name, group)
     group = tree.group
     group[RESULT_TAG] = True
     group[MADE_OF] = made_of(classes, followed)
@@ -184,6 +187,7 @@ def build_node_group(
     tree.link(result, tree.add("NodeGroupOutput").inputs["Geometry"])
     socket = next(one for one in group.interface.items_tree if one.name == "Display")
     socket.default_value = DISPLAYS[0]
+    remove_unused(old_parts)
     return group
 
 

@@ -2,17 +2,39 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
 from ..classes.node_tree import remove_group
+from ..targets.references import Reference
 from ..targets.target import RESULT_TAG, RESULT_TARGET, is_result
 from .display import get_inputs, our_modifier, set_inputs
-from .node_group import HIDE_RENDER, HIDE_VIEWPORT, MADE_OF, Followed, build_node_group, made_of, placed_objects
+from .node_group import (
+    HIDE_RENDER,
+    HIDE_VIEWPORT,
+    MADE_OF,
+    Followed,
+    build_node_group,
+    followed_targets,
+    made_of,
+    placed_objects,
+)
 
-__all__ = ["CLASS_NAMES", "OVERLAPPING", "find_result", "remove_result", "rename_result", "write_result"]
+__all__ = [
+    "CLASS_NAMES",
+    "OVERLAPPING",
+    "EmptiedGroup",
+    "empty_group",
+    "fill_group",
+    "find_result",
+    "remove_result",
+    "rename_result",
+    "write_result",
+]
 
 # Custom property of a result: the name that it was made with.
 NAME = "esh_scatter_name"
@@ -66,9 +88,10 @@ def write_result(
     classes: Sequence[str] = (),
     followed: Sequence[Followed] = (),
 ) -> bpy.types.Object:
-    """Make the result object, or give ``replaced`` new points, and a new node group where it is to show other things.
+    """Make the result object, or give ``replaced`` new points, and its node group other nodes where it is to show other things.
 
-    Old points and groups are removed if unused.
+    Its mesh and its group stay where they are its own: undo may keep the object as it is, and then knows nothing of others that it uses
+    since the last step. Of those that are not its own, what is unused is removed.
 
     Args:
         scene: Where a new object is linked.
@@ -86,11 +109,10 @@ def write_result(
     if replaced is not None and _shows(replaced, name, sources, ingredients):
         # To build the same group once more takes longer than all the rest.
         if not _move_points(replaced.data, position, attributes):
-            _swap_mesh(replaced, _point_mesh(name, position, attributes))
+            _set_points(replaced, name, position, attributes)
         return replaced
-    mesh = _point_mesh(name, position, attributes)
-    group = build_node_group(name, sources, classes, followed)
     if replaced is None:
+        mesh = _point_mesh(name, position, attributes)
         for earlier in _results(scene, target, name):
             if is_shared(earlier) and scene.collection.objects.get(earlier.name) == earlier:
                 scene.collection.objects.unlink(earlier)
@@ -98,18 +120,11 @@ def write_result(
         scene.collection.objects.link(item)
     else:
         item = replaced
-        _swap_mesh(item, mesh)
+        _set_points(item, name, position, attributes)
     modifier = our_modifier(item)
     if modifier is None:
         modifier = item.modifiers.new("ESH Scatter", "NODES")
-    old = modifier.node_group
-    shown = get_inputs(modifier) if old is not None else {}
-    modifier.node_group = group
-    set_inputs(modifier, shown)
-    if old is not None and old != group and old.users == 0:
-        old_name = old.name
-        remove_group(old)
-        group.name = old_name
+    _build_anew(modifier, name, sources, classes, followed)
     item[RESULT_TAG] = True
     if target is not None:
         item[RESULT_TARGET] = target
@@ -144,26 +159,54 @@ def _is_ours(group: bpy.types.NodeTree | None) -> bool:
     return group is not None and bool(group.get(RESULT_TAG))
 
 
-def _swap_mesh(item: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
-    old = item.data
-    for material in old.materials:
-        mesh.materials.append(material)
-    item.data = mesh
-    if old.users == 0 and old.get(RESULT_TAG):
-        old_name = old.name
-        bpy.data.meshes.remove(old)
-        mesh.name = old_name
+def _build_anew(
+    modifier: bpy.types.Modifier,
+    name: str,
+    sources: Sequence[bpy.types.Object | bpy.types.Collection],
+    classes: Sequence[str],
+    followed: Sequence[Followed],
+) -> None:
+    """Give a modifier a group that shows these objects; its own becomes that one."""
+    old = modifier.node_group
+    shown = get_inputs(modifier) if old is not None else {}
+    # With every node that is added Blender would tell those that use it.
+    modifier.node_group = None
+    own = old is not None and old.is_editable and _is_ours(old) and old.users == 0
+    modifier.node_group = build_node_group(name, sources, classes, followed, old if own else None)
+    set_inputs(modifier, shown)
+
+
+def _set_points(
+    item: bpy.types.Object, name: str, position: np.ndarray, attributes: Mapping[str, tuple[str, np.ndarray]]
+) -> None:
+    """Give a result other points."""
+    mesh = item.data
+    if mesh.users == 1 and mesh.is_editable and mesh.get(RESULT_TAG):
+        mesh.clear_geometry()
+        for key in [key for key in mesh.keys() if key != RESULT_TAG]:  # noqa: SIM118 - data is not iterable
+            del mesh[key]
+        _fill(mesh, position, attributes)
+        return
+    new = _point_mesh(name, position, attributes)
+    for material in mesh.materials:
+        new.materials.append(material)
+    item.data = new
 
 
 def _point_mesh(name: str, position: np.ndarray, attributes: Mapping[str, tuple[str, np.ndarray]]) -> bpy.types.Mesh:
     mesh = bpy.data.meshes.new(name)
     mesh[RESULT_TAG] = True
+    _fill(mesh, position, attributes)
+    return mesh
+
+
+def _fill(mesh: bpy.types.Mesh, position: np.ndarray, attributes: Mapping[str, tuple[str, np.ndarray]]) -> None:
+    """Give a mesh that has no points these."""
     mesh.vertices.add(len(position))
     for attribute_name, (kind, _) in attributes.items():
         mesh.attributes.new(attribute_name, kind, "POINT")
     _write_points(mesh, position, attributes)
     mesh.update()
-    return mesh
 
 
 def _write_points(mesh: bpy.types.Mesh, position: np.ndarray, attributes: Mapping[str, tuple[str, np.ndarray]]) -> None:
@@ -172,6 +215,62 @@ def _write_points(mesh: bpy.types.Mesh, position: np.ndarray, attributes: Mappin
     for attribute_name, (kind, values) in attributes.items():
         dtype = {"INT": np.int32, "BOOLEAN": bool}.get(kind, np.float32)
         mesh.attributes[attribute_name].data.foreach_set(_WRITTEN[kind], np.ascontiguousarray(values, dtype).ravel())
+
+
+@dataclass(frozen=True)
+class EmptiedGroup:
+    """What the node group of a result was made of before its parts were taken out; see :func:`empty_group`."""
+
+    item: Reference
+    name: str
+    sources: tuple[Reference, ...]
+    classes: tuple[str, ...]
+    followed: tuple[tuple[Reference, int], ...]
+
+
+def empty_group(item: bpy.types.Object) -> EmptiedGroup | None:
+    """Take all parts out of a result's node group, and return what it was made of; None where it has no group that can be made anew.
+
+    Undo keeps a group as it is where the steps before and after it say the same of it. Parts that were made for it since are in
+    neither, and are freed: it must not lead to them then.
+    """
+    modifier = our_modifier(item)
+    group = modifier.node_group if modifier is not None else None
+    if group is None or not group.is_editable or not group.get(MADE_OF):
+        return None
+    sources, followed = placed_objects(group), followed_targets(group)
+    if any(source is None for source in sources) or any(one.target is None for one in followed):
+        return None
+    classes = ast.literal_eval(group[MADE_OF])[0]
+    kept = EmptiedGroup(
+        Reference(item, "result"),
+        item.get(NAME, group.name),
+        tuple(Reference(source, "source") for source in sources if source is not None),
+        tuple(classes),
+        tuple((Reference(one.target, "target"), one.vertices) for one in followed),
+    )
+    for node in _part_nodes(group):
+        node.node_tree = None
+    return kept
+
+
+def _part_nodes(group: bpy.types.NodeTree) -> list[bpy.types.Node]:
+    return [node for node in group.nodes if node.bl_idname == "GeometryNodeGroup"]
+
+
+def fill_group(kept: EmptiedGroup) -> None:
+    """Make the group of a result what it was before it was emptied, where that is still needed and there."""
+    item = kept.item.find()
+    modifier = our_modifier(item) if isinstance(item, bpy.types.Object) else None
+    if modifier is None or all(node.node_tree is not None for node in _part_nodes(modifier.node_group)):
+        return
+    sources = [source.find() for source in kept.sources]
+    followed = [Followed(target.find(), vertices) for target, vertices in kept.followed]
+    if any(source is None for source in sources) or any(one.target is None for one in followed):
+        # The next run makes it anew.
+        modifier.node_group[MADE_OF] = ""
+        return
+    _build_anew(modifier, kept.name, sources, kept.classes, followed)
 
 
 def rename_result(item: bpy.types.Object, name: str) -> None:

@@ -22,6 +22,7 @@ from ..targets.references import Reference
 from . import running
 
 if TYPE_CHECKING:
+    from ..result.result import EmptiedGroup
     from .job import ScatterJob
     from .live_worker import LiveWorker, Outcome
 
@@ -78,6 +79,8 @@ class _Live:
         # What was written last, and a checksum of the points then: undo may have put others in their place.
         self._shown: ScatterJob | None = None
         self._points: int | None = None
+        # And what it was made with, and its report.
+        self._written: tuple[str, str] | None = None
         self._submitted_at = 0.0
         self.message = ""
         self.seconds = 0.0
@@ -110,13 +113,15 @@ class _Live:
 
     def reset(self) -> None:
         """The result is another now: the next update starts from there."""
-        self._told, self._waiting, self._shown = None, None, None
+        self._told, self._waiting, self._shown, self._written = None, None, None, None
 
     def look_at_points(self) -> None:
-        """The result may be another now."""
+        """The result may be another now, or the same with settings and a report of before."""
         scatter = _scatter_of(self._scene.find(), self._uid)
         if scatter is None or _points_of(scatter.result) != self._points:
             self.reset()
+        elif self._written is not None and scatter.ran_with != self._written[0]:
+            scatter.ran_with, scatter.report_json = self._written
 
     def _look(self, context: bpy.types.Context, scatter: Scatter) -> bool:
         if running.session is not None:
@@ -214,8 +219,11 @@ class _Live:
         assert placement is not None
         result = scatter.result
         if self._shown is not job or result is None:
+            known = {group.session_uid for group in bpy.data.node_groups}
             try:
                 result, _ = job.show(context)
+                if any(group.session_uid not in known for group in bpy.data.node_groups):
+                    _with_new_groups[result.session_uid] = Reference(result, "result")
             except EshError as error:
                 self._say(_sentence(error))
                 return
@@ -230,6 +238,7 @@ class _Live:
         if self._shown is not job:
             _show_since(scatter, job, result)
             self._shown, self._points = job, _points_of(result)
+        self._written = scatter.ran_with, scatter.report_json
         running.redraw_sidebars()
 
     def _say(self, message: str) -> None:
@@ -237,6 +246,10 @@ class _Live:
             self.message = message
             running.redraw_sidebars()
 
+
+# Results with node groups that no undo step may know of yet, by their numbers; and what of them was emptied for an undo.
+_with_new_groups: dict[int, Reference] = {}
+_emptied: list[EmptiedGroup] = []
 
 # What made scatters stop living, by the scene's number and their own, until they live again.
 _stopped: dict[tuple[int, int], str] = {}
@@ -248,6 +261,9 @@ def switched(scatter: Scatter, _context: object) -> None:
     _stopped.pop((scene.session_uid, scatter.uid), None)
     if scatter.live:
         wake()
+    elif scatter.result is not None:
+        # The step that the switch makes knows all of it.
+        _with_new_groups.pop(scatter.result.session_uid, None)
 
 
 def wake() -> None:
@@ -289,6 +305,7 @@ def end(wait: bool = False) -> None:
     _followed.clear()
     for live in ended:
         live.end()
+    _with_new_groups.clear()
     _detach()
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
@@ -404,10 +421,28 @@ def _something_changed(_scene: object, depsgraph: bpy.types.Depsgraph | None = N
 
 
 @persistent
+def _goes_back(*_arguments: object) -> None:
+    """Before undo and redo nothing that stays may lead to groups that these free."""
+    from ..result.result import empty_group
+
+    for uid, reference in list(_with_new_groups.items()):
+        result = reference.find()
+        if result is None:
+            _with_new_groups.pop(uid)
+        elif (emptied := empty_group(result)) is not None:
+            _emptied.append(emptied)
+
+
+@persistent
 def _went_back(*_arguments: object) -> None:
     """After undo and redo everything may be as it was before."""
+    from ..result.result import fill_group
+
     global _last_sign
     _last_sign = time.monotonic()
+    for emptied in _emptied:
+        fill_group(emptied)
+    _emptied.clear()
     for live in _followed.values():
         live.look_at_points()
 
@@ -416,6 +451,7 @@ def _went_back(*_arguments: object) -> None:
 def _file_goes(*_arguments: object) -> None:
     """Another file is opened."""
     _stopped.clear()
+    _with_new_groups.clear()
     for live in _followed.values():
         live.end()
     _followed.clear()
@@ -425,6 +461,8 @@ def _hooks() -> list[tuple[list[Any], Any]]:
     handlers = bpy.app.handlers
     return [
         (handlers.depsgraph_update_post, _something_changed),
+        (handlers.undo_pre, _goes_back),
+        (handlers.redo_pre, _goes_back),
         (handlers.undo_post, _went_back),
         (handlers.redo_post, _went_back),
         (handlers.load_pre, _file_goes),
@@ -439,5 +477,5 @@ def _attach() -> None:
 
 def _detach() -> None:
     for handlers, hook in _hooks():
-        if hook in handlers:
+        if hook in handlers and not (_with_new_groups and hook in (_goes_back, _went_back)):
             handlers.remove(hook)

@@ -8,6 +8,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter import registration  # noqa: E402
+from esh.esh_scatter.result.node_group import placed_objects  # noqa: E402
 from esh.esh_scatter.solving import live  # noqa: E402
 
 
@@ -281,6 +282,59 @@ def test_undo_is_followed(scatter, follow):
     assert len(points("Pine")) == active().classes["Pine"].sizes[0].count == 260 and not active().outdated
 
 
+def a_class_of_a_collection(scatter):
+    collection = bpy.data.collections.new("Kinds")
+    collection.objects.link(bpy.data.objects.new("One", bpy.data.objects["Pine"].data))
+    bpy.ops.esh.class_add()
+    size = scatter.classes[-1].sizes[0]
+    size.source_kind, size.source_collection, size.count = "ASSET", collection, 30
+
+
+CHANGES = {
+    "a count": lambda scatter: setattr(scatter.classes["Pine"].sizes[0], "count", 260),
+    "a class": lambda scatter: bpy.ops.esh.class_duplicate(),
+    "a class of a collection": a_class_of_a_collection,
+}
+
+
+@pytest.mark.parametrize("wait", [True, False], ids=["followed", "at once"])
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES.keys())
+def test_undo_steps_that_are_older_than_what_was_written_are_followed(scatter, follow, change, wait):
+    """As in the sidebar: a field makes its step when it is let go, and Live writes after that, in no step of its own."""
+    bpy.ops.esh.scatter()
+    bpy.ops.ed.undo_push(message="before")
+    switch_on(active(), follow)
+    bpy.ops.ed.undo_push(message="live")
+    before = len(active().result.data.vertices)
+    change(active())
+    bpy.ops.ed.undo_push(message="changed")
+    follow()
+    after = len(active().result.data.vertices)
+    assert after > before
+    for _ in range(2):
+        bpy.ops.ed.undo()
+        if wait:
+            follow()
+            assert len(active().result.data.vertices) == before and not active().outdated
+        bpy.ops.ed.redo()
+        if wait:
+            follow()
+            assert len(active().result.data.vertices) == after and not active().outdated
+    bpy.ops.ed.undo()
+    bpy.ops.ed.undo()
+    # It is not live any more, or not yet.
+    follow()
+    assert not active().live and (len(active().result.data.vertices) == before or active().outdated)
+    bpy.ops.ed.redo()
+    bpy.ops.ed.redo()
+    follow()
+    assert len(active().result.data.vertices) == after and not active().outdated
+    group = active().result.modifiers[0].node_group
+    assert len(placed_objects(group)) >= 2 and None not in placed_objects(group)
+    shown = bpy.context.evaluated_depsgraph_get()
+    assert sum(one.is_instance for one in shown.object_instances) == after
+
+
 def test_another_file_ends_it(scatter, tmp_path, follow):
     switch_on(scatter, follow)
     scatter.classes["Pine"].sizes[0].count = 260
@@ -305,7 +359,7 @@ def test_nothing_listens_while_nothing_is_live(scatter, follow):
 
     assert not listening()
     switch_on(scatter, follow)
-    assert len(listening()) == 4
+    assert len(listening()) == 6
     scatter.live = False
     follow()
     assert not listening() and not live._followed
