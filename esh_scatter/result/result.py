@@ -90,8 +90,8 @@ def write_result(
 ) -> bpy.types.Object:
     """Make the result object, or give ``replaced`` new points, and its node group other nodes where it is to show other things.
 
-    Its mesh and its group stay where they are its own: undo may keep the object as it is, and then knows nothing of others that it uses
-    since the last step. Of those that are not its own, what is unused is removed.
+    Its mesh and its group stay, where they are its own: undo may keep the object as it is, and then knows nothing of others that it
+    uses since the last step.
 
     Args:
         scene: Where a new object is linked.

@@ -66,7 +66,7 @@ class _Preview:
 
     def refresh(self) -> None:
         """Look whether the density says something new."""
-        before = self.colors, self.message
+        colors_before, message_before = self.colors, self.message
         try:
             content, colors = density_colors(bpy.context, self.survey, self.content)
             if colors is not None or content is None:
@@ -75,7 +75,7 @@ class _Preview:
         except EshError as error:
             text = str(error).replace("`", "")
             self.colors, self.content, self.message = None, None, text[:1].upper() + text[1:]
-        if before != (self.colors, self.message):
+        if self.colors is not colors_before or self.message != message_before:
             redraw()
 
     def close(self) -> None:

@@ -101,6 +101,10 @@ def test_the_switch_says_which_layer_leaves_nothing_and_leaves_no_timer(scatter)
         layer.noise_cover = 0.5
         density_preview._look()
         assert density_preview.message() == "" and density_preview._preview.colors is not None
+        shown = density_preview._preview.colors
+        assert density_preview._look() > 0.0 and density_preview._preview.colors is shown
+        layer.noise_seed = 7
+        assert density_preview._look() > 0.0 and density_preview._preview.colors is not shown
     finally:
         manager.esh_scatter_show_density = False
     assert density_preview._look() is None and density_preview._preview is None
