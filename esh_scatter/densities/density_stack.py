@@ -154,9 +154,7 @@ class DensityStack(DensitySource):
     def read(self, key: str, known: Known) -> DensityStack:
         """Return it with what its layers read."""
         numbered = enumerate(self.layers, start=1)
-        return DensityStack(
-            [layer.read(f"{key}, layer {number} ({layer.label}),", known) for number, layer in numbered]
-        )
+        return DensityStack([layer.read(f"{key}, layer {number} ({layer.label})", known) for number, layer in numbered])
 
     def content(self, reader: DensityReader) -> Hashable | None:
         """Return what its layers say, in short."""
@@ -173,7 +171,7 @@ class DensityStack(DensitySource):
         # What made the density 0 everywhere, as far as it still is.
         culprit: str | None = None
         for number, layer in enumerate(self.layers, start=1):
-            where = f"{key}, layer {number} ({layer.label}),"
+            where = f"{key}, layer {number} ({layer.label})"
             values = layer.values(reader, where)
             before, result = result, layer.on(result, values)
             if result.any():

@@ -127,12 +127,12 @@ class ESH_OT_import(bpy.types.Operator, ImportHelper):
 
 
 def _result_in(context: bpy.types.Context) -> bpy.types.Object | None:
-    """Return the result to export: the active one, or that of the scatter that the sidebar shows."""
+    """Return the result to export: one that is selected, or that of the scatter that the sidebar shows."""
     item = context.active_object
-    if item is not None and item.get(RESULT_TAG) and item.type == "MESH":
-        return item
+    active = item if item is not None and item.get(RESULT_TAG) and item.type == "MESH" else None
     scatter = active_scatter(context)
-    return scatter.result_in(context.scene) if scatter is not None else None
+    shown = scatter.result_in(context.scene) if scatter is not None else None
+    return active if active is not None and (shown is None or active.select_get()) else shown
 
 
 def _draw_export(self: bpy.types.Menu, _context: bpy.types.Context) -> None:

@@ -6,6 +6,8 @@
 # Properties are annotations that are calls, which Blender reads and mypy cannot.
 # mypy: disable-error-code="valid-type"
 
+import math
+
 import bpy
 from bpy.props import EnumProperty, IntProperty
 from mathutils import Vector
@@ -45,13 +47,18 @@ class ESH_OT_layer_add(ClassEdit):
             heights = [(target.matrix_world @ Vector(corner)).z for corner in target.bound_box]
             # The upper half of the ground, and patches of a tenth of it.
             low, high = min(heights), max(heights)
-            layer.altitude_low, layer.altitude_high = 0.5 * (low + high), high
-            layer.altitude_falloff = max(0.1 * (high - low), 0.0)
+            layer.altitude_low, layer.altitude_high = _rounded(0.5 * (low + high), high - low), high
+            layer.altitude_falloff = _rounded(max(0.1 * (high - low), 0.0), high - low)
             layer.noise_scale = max(0.1 * max(target.dimensions.x, target.dimensions.y), 1e-3)
         if self.kind == "NOISE":
             # Another noise than those that are there; who wants the same in two classes gives both the same seed.
             layer.noise_seed = sum(one.kind == "NOISE" for c in scatter.classes for one in c.layers) - 1
         return {"FINISHED"}
+
+
+def _rounded(length: float, extent: float) -> float:
+    """Return a length with no more digits than matter beside an extent."""
+    return round(length, 3 - math.floor(math.log10(extent))) if extent > 0.0 else 0.0
 
 
 class ESH_OT_layer_remove(RemoveEntry):

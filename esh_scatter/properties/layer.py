@@ -24,6 +24,7 @@ from ..densities.kinds import (
     SlopeDensity,
     VertexGroupDensity,
 )
+from ..targets.target import NUMBERS
 from .described import shown_settings, values_from, with_properties
 from .names import scatter_of
 
@@ -121,6 +122,19 @@ def _choose_class(layer: "ESH_PG_layer", name: str) -> None:
     layer.class_uid = other.uid if other else 0
 
 
+def _other_classes(layer: "ESH_PG_layer", _context: object, _text: str) -> list[str]:
+    """Name the classes that a layer can follow: not its own."""
+    return [c.name for c in scatter_of(layer).classes if all(one != layer for one in c.layers)]
+
+
+def _attributes(layer: "ESH_PG_layer", _context: object, _text: str) -> list[str]:
+    """Name the attributes of the target that can be densities; those that Blender keeps to itself begin with a period."""
+    target = scatter_of(layer).first_target
+    if target is None or target.type != "MESH":
+        return []
+    return [a.name for a in target.data.attributes if a.data_type in NUMBERS and not a.name.startswith(".")]
+
+
 @with_properties(DensityLayer, BY_HAND)
 @with_properties(ImageDensity, KINDS["IMAGE"].by_hand, "image_")
 @with_properties(SlopeDensity, (), "slope_")
@@ -166,7 +180,9 @@ class ESH_PG_layer(PropertyGroup):
         name="Vertex Group", description="Vertex group of the target. Its weights are the density"
     )
     attribute: StringProperty(
-        name="Attribute", description="Attribute of the target. Its values are the density and must be 0 or more"
+        name="Attribute",
+        description="Attribute of the target. Its values are the density and must be 0 or more",
+        search=_attributes,
     )
     source_kind: EnumProperty(
         name="Source",
@@ -187,7 +203,12 @@ class ESH_PG_layer(PropertyGroup):
     )
     class_uid: IntProperty(name="Class", options={"HIDDEN"})
     class_name: StringProperty(
-        name="Class", description="The class whose density is used", get=_name_of_class, set=_choose_class
+        name="Class",
+        description="The class whose density is used",
+        get=_name_of_class,
+        set=_choose_class,
+        search=_other_classes,
+        search_options={"SORT"},
     )
     camera: PointerProperty(
         type=bpy.types.Object,

@@ -203,6 +203,8 @@ def _point_mesh(name: str, position: np.ndarray, attributes: Mapping[str, tuple[
 def _fill(mesh: bpy.types.Mesh, position: np.ndarray, attributes: Mapping[str, tuple[str, np.ndarray]]) -> None:
     """Give a mesh that has no points these."""
     mesh.vertices.add(len(position))
+    # Blender adds them selected, and what is done with selected instances would be done with all.
+    mesh.attributes.remove(mesh.attributes[".select_vert"])
     for attribute_name, (kind, _) in attributes.items():
         mesh.attributes.new(attribute_name, kind, "POINT")
     _write_points(mesh, position, attributes)

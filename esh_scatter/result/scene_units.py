@@ -10,6 +10,15 @@ __all__ = ["area_unit", "in_scene_units", "length_text"]
 
 # Between these lengths meters are told as such [m].
 SHORTEST, LONGEST = 0.01, 1000.0
+# Units that a scene may be told in, whatever is long or short [m].
+CHOSEN = {
+    "KILOMETERS": (1000.0, "km"),
+    "CENTIMETERS": (0.01, "cm"),
+    "MILLIMETERS": (0.001, "mm"),
+    "MILES": (1609.344, "mi"),
+    "FEET": (0.3048, "ft"),
+    "INCHES": (0.0254, "in"),
+}
 _NUMBER = r"\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?"
 # "0.05 m", "3 m²", "9 by 3 m", "9 x 3 m"; not "5 m/s", nor what is a part of a name: "tree2 m".
 _MEASURED = re.compile(rf"(?<![\w.,])({_NUMBER})( by | x )?((?(2){_NUMBER})) m(²?)(?![\w/])")
@@ -21,6 +30,9 @@ def length_text(scene: bpy.types.Scene, length: float) -> str:
     if units.system == "NONE":
         return words.meters(length).removesuffix(" m")
     told = length * units.scale_length
+    if units.length_unit in CHOSEN:
+        factor, sign = CHOSEN[units.length_unit]
+        return f"{words.meters(told / factor).removesuffix(' m')} {sign}"
     if units.system == "METRIC" and SHORTEST <= told <= LONGEST:
         return words.meters(told)
     return _told(scene, "LENGTH", told)
@@ -47,7 +59,8 @@ def in_scene_units(scene: bpy.types.Scene, text: str) -> str:
 def _is_plain(scene: bpy.types.Scene) -> bool:
     """Whether a Blender unit is a meter."""
     units = scene.unit_settings
-    return bool(units.system == "METRIC" and abs(units.scale_length - 1.0) < 1e-6)
+    told_in_meters = units.system == "METRIC" and units.length_unit not in CHOSEN
+    return bool(told_in_meters and abs(units.scale_length - 1.0) < 1e-6)
 
 
 def _area_text(scene: bpy.types.Scene, area: float) -> str:

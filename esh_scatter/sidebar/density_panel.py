@@ -90,7 +90,7 @@ def _draw_source(
         elif kind == "VERTEX_GROUP":
             column.prop_search(layer, "vertex_group", target, "vertex_groups", icon="GROUP_VERTEX")
         else:
-            column.prop_search(layer, "attribute", target.data, "attributes", icon="SPREADSHEET")
+            column.prop(layer, "attribute", icon="SPREADSHEET")
     elif kind in ("DISTANCE", "INSIDE"):
         column.prop(layer, "source_kind")
         row = column.row()
@@ -99,7 +99,7 @@ def _draw_source(
     elif kind == "CLASS":
         row = column.row()
         row.alert = layer.other_class is None
-        row.prop_search(layer, "class_name", scatter, "classes", icon="POINTCLOUD_DATA")
+        row.prop(layer, "class_name", icon="POINTCLOUD_DATA")
     elif kind == "CAMERA":
         column.prop(layer, "camera")
     if kind in PAINTED_IN and context.mode == PAINTED_IN[kind]:

@@ -318,7 +318,9 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
         write_text(context, column, words.behind_rule(said), icon="INFO")
     elif said:
         write_text(context, column, said, icon="ERROR")
-    _draw_forecast(context, column, scatter, record)
+    # Where all found room, nothing was unavoidable.
+    if report is None or scatter.changes(record) or words.has_trouble(report):
+        _draw_forecast(context, column, scatter, record)
     left_out = scatter.left_out()
     if left_out:
         more = f" (and {len(left_out) - 1} more)" if len(left_out) > 1 else ""

@@ -219,10 +219,10 @@ class _Live:
         assert placement is not None
         result = scatter.result
         if self._shown is not job or result is None:
-            known = {group.session_uid for group in bpy.data.node_groups}
+            groups = {group.session_uid for group in bpy.data.node_groups}
             try:
                 result, _ = job.show(context)
-                if any(group.session_uid not in known for group in bpy.data.node_groups):
+                if any(group.session_uid not in groups for group in bpy.data.node_groups):
                     _with_new_groups[result.session_uid] = Reference(result, "result")
             except EshError as error:
                 self._say(_sentence(error))

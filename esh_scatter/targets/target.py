@@ -15,6 +15,7 @@ from .evaluated_mesh import vertices_in_world
 from .vertex_groups import read_vertex_groups
 
 __all__ = [
+    "NUMBERS",
     "RESULT_TAG",
     "RESULT_TARGET",
     "check_exists",
@@ -41,7 +42,7 @@ FAMILY_OF = "esh_family_of"
 # What the points of every result have: properties alone are copied from anything to anything.
 _RESULT_ATTRIBUTES = {"instance_index": "INT", "rotation": "QUATERNION", "scale": "FLOAT_VECTOR"}
 
-_WIDTH = {"FLOAT": 1, "INT": 1, "INT8": 1, "BOOLEAN": 1, "FLOAT_COLOR": 4, "BYTE_COLOR": 4}
+NUMBERS = {"FLOAT": 1, "INT": 1, "INT8": 1, "BOOLEAN": 1, "FLOAT_COLOR": 4, "BYTE_COLOR": 4}
 _READ_AS = {"BOOLEAN": bool, "INT": np.int32, "INT8": np.int32}
 _DOMAINS = ("POINT", "FACE", "CORNER")
 # Objects that have a geometry to instance; lights, cameras and empties in a collection are passed over. Blender's nodes give
@@ -264,13 +265,19 @@ def _read_materials(read: TriangleMesh, mesh: bpy.types.Mesh, evaluated: bpy.typ
     read.material_of_face = number[np.clip(index, 0, len(number) - 1)]
 
 
+def _kind(attribute: bpy.types.Attribute) -> str:
+    """Return what an attribute holds, as its list in Blender says: "Vector"."""
+    items = attribute.bl_rna.properties["data_type"].enum_items
+    return f"{items[attribute.data_type].name}s".lower()
+
+
 def _read_attribute(read: TriangleMesh, attribute: bpy.types.Attribute, wanted: bool) -> None:
     if attribute.name.startswith("."):
         return
-    width = _WIDTH.get(attribute.data_type)
+    width = NUMBERS.get(attribute.data_type)
     if width is None:
         read.unusable_attribute[attribute.name] = (
-            f"must be a number, a truth value or a color; it is of type {attribute.data_type}"
+            f"must hold numbers, true or false, or colors; it holds {_kind(attribute)}"
         )
     elif attribute.domain not in _DOMAINS:
         read.unusable_attribute[attribute.name] = (

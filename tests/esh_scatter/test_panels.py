@@ -316,7 +316,7 @@ def test_the_report_shows_counts_meters_and_every_note_once():
         ("METRIC", 1.0, "0.34 m"),
         ("METRIC", 0.01, "3.42 mm"),
         ("METRIC", 1e4, "3.42 km"),
-        ("IMPERIAL", 1.0, "1.12'"),
+        ("IMPERIAL", 1.0, "1.12 ft"),
         ("NONE", 0.01, "0.34"),
     ],
 )

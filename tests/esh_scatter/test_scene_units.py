@@ -33,6 +33,11 @@ def test_small_units_feet_and_none_are_told(scene):
     assert area_unit(scene) == "unit²"
     scene.unit_settings.system, scene.unit_settings.scale_length = "IMPERIAL", 1.0
     assert in_scene_units(scene, "by 0.3048 m, 1 m²") == "by 1', 1.2 sq yd"
+    scene.unit_settings.length_unit = "INCHES"
+    assert length_text(scene, 0.254) == "10.0 in"
+    scene.unit_settings.system = "METRIC"
+    scene.unit_settings.length_unit = "CENTIMETERS"
+    assert in_scene_units(scene, "by 0.5 m") == "by 50.0 cm"
     scene.unit_settings.system = "NONE"
     assert in_scene_units(scene, "by 0.5 m of 4 by 3 m and 0.25 m²") == "by 0.50 of 4.00 by 3.00 and 0.25 unit²"
 
