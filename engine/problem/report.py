@@ -71,7 +71,7 @@ class Report:
         deepest_place: The middle between them [m]: x and y, and z on a surface.
         overlapping: Bodies that overlap others, those that lie deepest in another first; at most 10,000.
         in_obstacles: Bodies whose outlines lie in an obstacle or its margin by more than 1e-3 of the narrower one's width, where
-            overlap is avoided in a rectangle. Fixed bodies do not count.
+            overlap is avoided. Fixed bodies do not count.
         deepest_in_obstacle: How deep the deepest of them does [m].
         beyond_border: Bodies whose outlines reach across the border of an ``inset`` domain, where overlap is avoided. Fixed bodies do
             not count.

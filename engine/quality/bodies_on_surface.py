@@ -44,14 +44,16 @@ class BodiesOnSurface:
         return result
 
 
-def bodies_on_surface(placement: Placement, launcher: Launcher) -> BodiesOnSurface:
-    """Bring the bodies of a placement to a device."""
+def bodies_on_surface(
+    placement: Placement, launcher: Launcher, own: np.ndarray | slice = slice(None)
+) -> BodiesOnSurface:
+    """Bring the bodies of a placement, or some of them, to a device."""
     surface = placement.problem.domain
     assert isinstance(surface, Surface)
     assert placement.mesh is not None and placement.triangle is not None and placement.barycentric is not None
     assert placement.normal is not None and placement.tangent is not None
-    points = surface.locate(placement.mesh, placement.triangle, placement.barycentric)
-    return bodies_at(points, placement.position, placement.normal, placement.tangent, launcher)
+    points = surface.locate(placement.mesh[own], placement.triangle[own], placement.barycentric[own])
+    return bodies_at(points, placement.position[own], placement.normal[own], placement.tangent[own], launcher)
 
 
 def bodies_at(

@@ -24,7 +24,7 @@ from . import kernels_spacing
 from .coverage import Coverage
 from .measured_bodies import MeasuredBodies, measured_bodies
 from .out_of_place import OutOfPlace, out_of_place
-from .overlaps import Overlaps, overlaps_of, overlaps_of_fixed
+from .overlaps import Overlaps, overlaps_of, overlaps_of_fixed, overlaps_of_fixed_on_surface
 from .spacing import Spacing, measure_spacing
 from .surface_measurement import measure_on_surface
 from .surface_out_of_place import out_of_place_on_surface
@@ -114,6 +114,10 @@ def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:
     notes += _notes_on_overlaps(placement.problem, overlaps, found.covered)
     misplaced = out_of_place_on_surface(placement, launcher)
     notes += _notes_on_places(placement.problem, misplaced) + _notes_on_distant_outlines(placement.problem)
+    of_fixed = Overlaps(0)
+    if placement.problem.avoid_overlap and np.count_nonzero(placement.fixed) > 1:
+        of_fixed = overlaps_of_fixed_on_surface(placement, launcher)
+    notes += _notes_on_fixed(of_fixed)
     if placement.fixed.any():
         notes += _notes_on_fixed_places(out_of_place_on_surface(placement, launcher, fixed=True))
     return Report(
@@ -132,6 +136,7 @@ def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:
         overlapping=overlaps.bodies,
         in_obstacles=misplaced.in_obstacles,
         deepest_in_obstacle=misplaced.deepest,
+        fixed_overlaps=of_fixed.count,
         covered=found.covered,
         classes=_class_reports(placement, found.errors),
         notes=tuple(notes),

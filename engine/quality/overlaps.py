@@ -18,7 +18,7 @@ from ..space.cell_sort import CellSort
 from ..space.meeting import meeting_of
 from ..space.space import Space
 from . import kernels_overlaps, kernels_sheets
-from .bodies_on_surface import BodiesOnSurface
+from .bodies_on_surface import BodiesOnSurface, bodies_on_surface
 from .laid_out import bent_lines, laid_out
 from .sheets import sheets_of
 from .summaries import largest_by_kind, sum_of_whole
@@ -31,6 +31,7 @@ __all__ = [
     "overlaps_from",
     "overlaps_of",
     "overlaps_of_fixed",
+    "overlaps_of_fixed_on_surface",
     "overlaps_on_sheets",
 ]
 
@@ -235,6 +236,29 @@ def find_overlaps_on_surface(placement: Placement, bodies: BodiesOnSurface, laun
         bends=placement.bends,
         apart=placement.problem.balance.classes_apart,
         class_index=placement.class_index,
+    )
+
+
+def overlaps_of_fixed_on_surface(placement: Placement, launcher: Launcher) -> Overlaps:
+    """Return what :func:`overlaps_of_fixed` does, for a placement on a surface."""
+    own = np.flatnonzero(placement.fixed)
+    footprints = footprints_of_placement(placement)
+    return overlaps_on_sheets(
+        bodies_on_surface(placement, launcher, own),
+        replace(
+            footprints,
+            shape=footprints.shape[own],
+            factor=footprints.factor[own],
+            slope=footprints.slope[own],
+            room=footprints.room[own],
+        ),
+        placement.length[own],
+        placement.width[own],
+        launcher,
+        fixed=np.zeros(len(own), bool),
+        bends=None if placement.bends is None else placement.bends[own],
+        apart=placement.problem.balance.classes_apart,
+        class_index=placement.class_index[own],
     )
 
 

@@ -94,7 +94,9 @@ def _spacing(placement: Placement, bodies: BodiesOnSurface, launcher: Launcher) 
     for c in problem.classes:
         asked = c.density_on(points) / c.density_on(surface.sample()).mean() if c.varies_on_surface else 1.0
         number = number + c.body_count / surface.area * asked
-    unit = 1.0 / math.sqrt(float(np.median(number)))
+    # Where most have come to be where none are asked for, as many as there are on average.
+    typical = float(np.median(number)) or n / surface.area
+    unit = 1.0 / math.sqrt(typical)
     position = bodies.in_units(launcher, unit)
     grid = wp.HashGrid(CELLS, CELLS, CELLS, device=launcher.device)
     grid.build(position, NEIGHBORS)

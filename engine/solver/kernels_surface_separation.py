@@ -10,7 +10,7 @@ import warp as wp
 
 from ..cascade.kernels_points import cell_at, same_cell
 from ..space.kernels_meeting import Meeting, keep_apart
-from ..surface.kernels_facets import Spot, carried, smooth_normal, spot_at, tangential, tile_of
+from ..surface.kernels_facets import Spot, carried, smooth_normal, spot_at, step_along, tangential, tile_of
 from .kernels_descent import Bodies
 from .kernels_lying import Slots, cell_of_block, flat_way, in_plane, on_one_sheet, slot_of_level
 from .kernels_on_surface import Ground, may_be, walk
@@ -22,6 +22,9 @@ from .kernels_touch import Core, core_of, depth_of_overlap, touch_between
 from .kernels_trials import PINNED_COST, TOLERABLE, Bins
 
 wp.set_module_options({"enable_backward": False})
+
+# How far a place that is tried around a body is from it at most, in its reaches: at first, and at last.
+NEAREST_AROUND, FARTHEST_AROUND = wp.constant(0.5), wp.constant(8.0)
 
 
 @wp.struct
@@ -708,6 +711,20 @@ def line_has_room(i: int, spot: Spot, along: wp.vec3, bodies: Bodies, bend: wp.a
     return has_room
 
 
+@wp.func
+def spot_around(i: int, share: float, state: wp.uint32, crowd: SurfaceCrowd):
+    """A place around body i: at random, the farther the larger the share (0..1) of those that have been tried."""
+    # Two draws, one after the other: an expression's parts have no order of their own.
+    turn = wp.randf(state, 0.0, 2.0 * wp.pi)
+    ahead = wp.sqrt(wp.randf(state))
+    far = crowd.outlines.reach[i] * NEAREST_AROUND * wp.pow(FARTHEST_AROUND / NEAREST_AROUND, share)
+    facets = crowd.ground.facets
+    normal = facets.normal[crowd.facet[i]]
+    along = carried(crowd.along[i], crowd.normal[i], normal)
+    way = (far * ahead) * (wp.cos(turn) * along + wp.sin(turn) * wp.cross(normal, along))
+    return step_along(crowd.facet[i], crowd.weight[i], way, facets)
+
+
 @wp.kernel
 def propose_places_on_surface(
     first: int,
@@ -721,13 +738,14 @@ def propose_places_on_surface(
     crowd: SurfaceCrowd,
     # outputs
     chosen: wp.array(dtype=wp.int32),
+    weight: wp.array(dtype=wp.vec2),
     axis: wp.array(dtype=wp.vec3),
     cost: wp.array(dtype=float),
 ):
-    """The place of a pool where a stuck body overlaps the least, or the nearest where it does not; and its squared overlaps there.
+    """Where a stuck body overlaps the least, or the nearest place where it does not: facet, weights; and its squared overlaps there.
 
-    Who may turn is turned at random; a line that prefers a direction lies there as it lies to that here. -1: none is better than to
-    lie in what cannot give way.
+    Places are those of a pool, and as many around it, where the gaps may be narrower than the pool is dense. Who may turn is turned at
+    random; a line that prefers a direction lies there as it lies to that here. -1: none is better than to lie in what cannot give way.
     """
     q = first + wp.tid()
     i = stuck[q]
@@ -744,12 +762,15 @@ def propose_places_on_surface(
     least = float(PINNED_COST)
     far = float(1.0e30)
     best = int(-1)
+    best_weight = crowd.weight[i]
     best_axis = crowd.along[i]
     for candidate in range(wp.min(candidates, count)):
         at = begin + (along_curve + candidate) % count
         # Drawn whether it is used or not.
         angle = wp.randf(state, 0.0, 2.0 * wp.pi)
         spot = spot_at(pool.facet[at], pool.weight[at], ground.facets)
+        if candidate % 2 == 1:
+            spot = spot_around(i, float(candidate) / float(candidates), state, crowd)
         away = wp.length(spot.position - own)
         free = TOLERABLE * TOLERABLE
         if least > free or away < far:
@@ -767,8 +788,10 @@ def propose_places_on_surface(
                 if found < most:
                     least = found
                     far = away
-                    best = at
+                    best = spot.facet
+                    best_weight = spot.weight
                     best_axis = here.along
     chosen[q] = best
+    weight[q] = best_weight
     axis[q] = best_axis
     cost[q] = least

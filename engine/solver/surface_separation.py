@@ -270,7 +270,7 @@ class SurfaceSeparation(Separation):
     def _propose_places(self, stuck: np.ndarray, candidates: int, seed: int) -> ProposedPlaces:
         launcher, crowd, pool = self.launcher, self._crowd, self._pool
         chosen, axis = launcher.empty(len(stuck), wp.int32), launcher.empty(len(stuck), wp.vec3)
-        left = launcher.empty(len(stuck), float)
+        weights, left = launcher.empty(len(stuck), wp.vec2), launcher.empty(len(stuck), float)
         launcher.launch(
             kernels_surface_separation.propose_places_on_surface,
             len(stuck),
@@ -284,11 +284,11 @@ class SurfaceSeparation(Separation):
                 self._preferred,
                 crowd,
             ],
-            [chosen, axis, left],
+            [chosen, weights, axis, left],
             grain=1,
         )
         there = chosen.numpy()
-        facet, weight = pool.facet.numpy()[there], pool.weight.numpy()[there]
+        facet, weight = np.maximum(there, 0), weights.numpy()
         position, normal = self._smoothly(facet, weight)
 
         def land(landing: np.ndarray) -> None:

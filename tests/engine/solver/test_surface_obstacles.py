@@ -292,8 +292,8 @@ def test_lines_that_are_wedged_between_outlines_jump_and_lie_there_as_they_are_l
         down = np.array([0.0, 0.0, -1.0]) + normal[:, 2:] * normal
         steep = np.linalg.norm(down, axis=1)
         cosine = np.abs((down * placement.tangent[jumped]).sum(axis=1)) / steep
-        # Lines have no front, and contact turns some.
-        assert np.median(cosine[steep > 0.3]) > 0.95
+        # Lines have no front, and contact turns some: of any directions it is 0.7.
+        assert np.median(cosine[steep > 0.3]) > 0.9
 
 
 def test_an_edit_makes_room_for_what_has_come_and_uses_what_is_left():
@@ -352,6 +352,50 @@ def test_places_that_are_far_from_the_surface_or_upright_tangents_are_told():
     )
     with pytest.raises(esh.ProblemError, match=r"`obstacle\.tangent` must point along the surface, not along"):
         esh.Obstacle(polygon=CORNERS, position=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), tangent=(0.0, 0.0, -2.0))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_gaps_that_are_narrower_than_random_places_are_dense_are_found(seed):
+    """Discs four times as large as the boxes that they are among: 27 % are covered, and each disc has few places of a hand's width."""
+    box = trimesh.creation.box((1.3, 1.0, 0.8))
+    surface = surface_of(box)
+    first = solved(boxes(surface, 150, 0.12))
+    classes = [esh.BodyClass("disc", [esh.Size("s", 0.15 * surface.area / 40, 40)])]
+    report = solved(esh.Problem(surface, classes, avoid_overlap=True, seed=seed, obstacles=[standing(first)])).report
+    assert report.in_obstacles == report.overlaps == 0
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        (
+            {"triangle": 10**7},
+            "`obstacle.triangle` must be below 1280, the number of triangles of mesh 0; got 10000000",
+        ),
+        ({"triangle": -1}, "`obstacle.triangle` must be a triangle of mesh 0, from 0 on; got -1"),
+        ({"triangle": 0, "mesh": 7}, "`obstacle.mesh` must be below 1, the number of meshes of the surface; got 7"),
+    ],
+)
+def test_triangles_and_meshes_that_are_not_there_are_told(place, said):
+    classes = [esh.BodyClass("a", [esh.Size("s", 0.01, 20)])]
+    obstacle = esh.Obstacle(disc=(0.0, 0.0, 0.5), position=(0.0, 0.0, 1.0), **place)
+    with pytest.raises(esh.ProblemError) as caught:
+        esh.Problem(surface_of(trimesh.creation.icosphere(3)), classes, obstacles=[obstacle])
+    assert str(caught.value) == said
+
+
+def test_fixed_bodies_that_overlap_on_a_surface_are_told_as_in_the_plane():
+    classes = [esh.BodyClass("a", [esh.Size("s", 0.05, 10)])]
+    fixed = esh.FixedBodies([(0.0, 0.0, 1.0), (0.05, 0.0, 0.99875), (0.0, 0.0, -1.0)])
+    report = solved(esh.Problem(ball(), classes, avoid_overlap=True, fixed=fixed)).report
+    assert report.fixed_overlaps == 1 and any("1 pair of fixed bodies overlaps" in note for note in report.notes)
+
+
+def test_a_density_that_is_0_where_most_bodies_end_has_a_report():
+    classes = [esh.BodyClass("a", [esh.Size("s", 0.01, 2)], density=lambda p: (p.position[:, 2] > 0.6) * 1.0)]
+    over = esh.Obstacle(disc=(0.0, 0.0, 0.85), position=(0.0, 0.0, 1.0))
+    report = solved(esh.Problem(ball(), classes, avoid_overlap=True, obstacles=[over])).report
+    assert report.closest > 0.0
 
 
 def test_distances_from_outlines_are_those_of_shapely():
