@@ -12,6 +12,7 @@ bpy = pytest.importorskip("bpy")
 from esh.engine.errors import EshError  # noqa: E402
 from esh.esh_scatter import operators  # noqa: E402
 from esh.esh_scatter.operators.run import ESH_OT_scatter  # noqa: E402
+from esh.esh_scatter.result import result as writing  # noqa: E402
 from esh.esh_scatter.solving import background_run, running  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("empty_file")
@@ -160,8 +161,10 @@ def test_a_deleted_result_is_made_anew(scatter):
     assert bpy.context.scene.objects.get(name) == scatter.result
 
 
-def test_the_node_group_is_built_anew_only_for_other_things(scatter):
+def test_the_node_group_is_built_anew_only_for_other_things(scatter, monkeypatch):
     """To build it takes longer than all else that is written, and Live writes with every count that is dragged."""
+    built, build = [], writing._build_anew
+    monkeypatch.setattr(writing, "_build_anew", lambda *given: (built.append(1), build(*given)))
 
     def group():
         return next(m.node_group for m in scatter.result.modifiers if m.type == "NODES")
@@ -175,12 +178,12 @@ def test_the_node_group_is_built_anew_only_for_other_things(scatter):
     scatter.classes["Pine"].show_viewport = False
     scatter.classes["Beech"].sizes[0].count = 70
     bpy.ops.esh.scatter()
-    assert group().session_uid == first and shown() == 70 and scatter.result.data.name == mesh
+    assert len(built) == 1 and group().session_uid == first and shown() == 70 and scatter.result.data.name == mesh
     assert len(scatter.result.data.vertices) == 100 and len(bpy.data.node_groups) == groups
     assert len([one for one in bpy.data.meshes if one.name.startswith(mesh)]) == 1
     scatter.classes["Beech"].sizes[0].source_object = new_object("Oak", 2.0)
     bpy.ops.esh.scatter()
-    assert group().session_uid != first and shown() == 70 and len(bpy.data.node_groups) == groups
+    assert len(built) == 2 and group().session_uid == first and shown() == 70 and len(bpy.data.node_groups) == groups
 
 
 def test_undo_brings_back_what_was_there(scatter):
