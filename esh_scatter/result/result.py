@@ -204,7 +204,7 @@ def _fill(mesh: bpy.types.Mesh, position: np.ndarray, attributes: Mapping[str, t
     """Give a mesh that has no points these."""
     mesh.vertices.add(len(position))
     # Blender adds them selected, and what is done with selected instances would be done with all.
-    mesh.attributes.remove(mesh.attributes[".select_vert"])
+    mesh.vertices.foreach_set("select", np.zeros(len(position), bool))
     for attribute_name, (kind, _) in attributes.items():
         mesh.attributes.new(attribute_name, kind, "POINT")
     _write_points(mesh, position, attributes)

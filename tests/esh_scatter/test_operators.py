@@ -186,6 +186,15 @@ def test_the_node_group_is_built_anew_only_for_other_things(scatter, monkeypatch
     assert len(built) == 2 and group().session_uid == first and shown() == 70 and len(bpy.data.node_groups) == groups
 
 
+def test_nothing_is_selected_after_a_run(scatter):
+    """So that what is done with selected instances is done with none, and not with all."""
+    bpy.ops.esh.scatter()
+    count = len(scatter.result.data.vertices)
+    for name in ("instances_pin", "instances_turn", "instances_remove"):
+        assert getattr(bpy.ops.esh, name)() == {"CANCELLED"}
+    assert len(scatter.result.data.vertices) == count
+
+
 def test_undo_brings_back_what_was_there(scatter):
     bpy.ops.ed.undo_push(message="before")
     bpy.ops.esh.scatter()

@@ -84,7 +84,12 @@ def state():
     points = {}
     for item in scene.objects:
         if item.type == "MESH":
-            known = [a for a in item.data.attributes if a.domain == "POINT" and a.data_type in kept_ground._FIELDS]
+            # What Edit Mode has selected since, Blender does not take back with a step from outside of it.
+            known = [
+                a
+                for a in item.data.attributes
+                if a.domain == "POINT" and a.data_type in kept_ground._FIELDS and not a.name.startswith(".select")
+            ]
             values = {a.name: kept_ground.read_attribute(item.data, a.name).tobytes() for a in known}
             points[item.name] = (values, [m.name for m in item.modifiers], item.hide_get(), item.mode)
     return {"settings": values_of(scene.esh_scatter), "objects": points}
