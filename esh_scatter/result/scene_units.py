@@ -40,7 +40,7 @@ def length_text(scene: bpy.types.Scene, length: float) -> str:
 
 def area_unit(scene: bpy.types.Scene) -> str:
     """Return what an area of one Blender unit along each side is called: "m²" where it is one."""
-    return "m²" if _is_plain(scene) else "unit²"
+    return "m²" if _is_in_meters(scene) else "unit²"
 
 
 def in_scene_units(scene: bpy.types.Scene, text: str) -> str:
@@ -57,10 +57,14 @@ def in_scene_units(scene: bpy.types.Scene, text: str) -> str:
 
 
 def _is_plain(scene: bpy.types.Scene) -> bool:
+    """Whether lengths are told as they are computed."""
+    return _is_in_meters(scene) and scene.unit_settings.length_unit not in CHOSEN
+
+
+def _is_in_meters(scene: bpy.types.Scene) -> bool:
     """Whether a Blender unit is a meter."""
     units = scene.unit_settings
-    told_in_meters = units.system == "METRIC" and units.length_unit not in CHOSEN
-    return bool(told_in_meters and abs(units.scale_length - 1.0) < 1e-6)
+    return bool(units.system == "METRIC" and abs(units.scale_length - 1.0) < 1e-6)
 
 
 def _area_text(scene: bpy.types.Scene, area: float) -> str:

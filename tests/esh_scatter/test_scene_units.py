@@ -37,7 +37,7 @@ def test_small_units_feet_and_none_are_told(scene):
     assert length_text(scene, 0.254) == "10.0 in"
     scene.unit_settings.system = "METRIC"
     scene.unit_settings.length_unit = "CENTIMETERS"
-    assert in_scene_units(scene, "by 0.5 m") == "by 50.0 cm"
+    assert in_scene_units(scene, "by 0.5 m") == "by 50.0 cm" and area_unit(scene) == "m²"
     scene.unit_settings.system = "NONE"
     assert in_scene_units(scene, "by 0.5 m of 4 by 3 m and 0.25 m²") == "by 0.50 of 4.00 by 3.00 and 0.25 unit²"
 
