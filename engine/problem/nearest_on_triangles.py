@@ -8,6 +8,11 @@ __all__ = ["corner_weights", "nearest_in", "nearest_on_triangles"]
 
 # Triangles are as near as others within this share of the distance to the nearest middle of one.
 AS_NEAR = 1e-6
+# Triangles in a block of neighbors, and bits of the cells along each axis that these are found by.
+TRIANGLES_OF_BLOCK = 32
+BITS_OF_CELL = 12
+# Lengths are a little more, for rounding.
+SAFELY = 1.0 + 1e-9
 
 
 def nearest_on_triangles(corner: np.ndarray, position: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -21,18 +26,13 @@ def nearest_on_triangles(corner: np.ndarray, position: np.ndarray, normal: np.nd
     Returns:
         Their triangles, shape ``[n]``, and the weights of these triangles' corners, shape ``[n, 3]``.
     """
-    low, high = corner.min(axis=1), corner.max(axis=1)
-    middle = corner.mean(axis=1)
     face = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     length = np.linalg.norm(face, axis=1, keepdims=True)
-    whole = np.flatnonzero(length[:, 0] > 0.0)
+    blocks = _Blocks(corner, np.flatnonzero(length[:, 0] > 0.0))
     face /= np.maximum(length, 1e-300)
     triangle, weight = np.empty(len(position), np.int64), np.empty((len(position), 3))
     for row, point in enumerate(np.asarray(position, np.float64)):
-        # No triangle is nearer than its box, and one is as near as its middle.
-        near = np.linalg.norm(middle[whole] - point, axis=1).min()
-        box = np.linalg.norm(np.maximum(np.maximum(low[whole] - point, point - high[whole]), 0.0), axis=1)
-        chosen = whole[box <= near * (1.0 + 1e-9)]
+        chosen, near = blocks.candidates(point)
         weights = nearest_in(corner[chosen], point)
         away = np.linalg.norm(np.einsum("nk,nkd->nd", weights, corner[chosen]) - point, axis=1)
         # Where several are as near, as on an edge or on two sides, it is the one that looks there.
@@ -40,6 +40,58 @@ def nearest_on_triangles(corner: np.ndarray, position: np.ndarray, normal: np.nd
         best = alike[np.argmax(face[chosen[alike]] @ normal[row])]
         triangle[row], weight[row] = chosen[best], weights[best]
     return triangle, weight
+
+
+class _Blocks:
+    """Triangles in blocks of neighbors, so that few are looked at for a point.
+
+    Args:
+        corner: Corners of triangles, shape ``[t, 3, 3]``.
+        chosen: Which of them, by number.
+    """
+
+    def __init__(self, corner: np.ndarray, chosen: np.ndarray) -> None:
+        middle = corner[chosen].mean(axis=1)
+        order = chosen[_along_curve(middle)]
+        self._triangle, self._middle = order, corner[order].mean(axis=1)
+        self._low, self._high = corner[order].min(axis=1), corner[order].max(axis=1)
+        self._start = np.append(np.arange(0, len(order), TRIANGLES_OF_BLOCK), len(order))
+        first = self._start[:-1]
+        self._block_low = np.minimum.reduceat(self._low, first)
+        self._block_high = np.maximum.reduceat(self._high, first)
+        self._block_middle = self._middle[first]
+
+    def candidates(self, point: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return the triangles that may be nearest to a point, by number, and how far the nearest middle of one is."""
+        far = _length(self._block_middle - point).min() * SAFELY
+        block = np.flatnonzero(_from_box(self._block_low, self._block_high, point) <= far)
+        within = [np.arange(self._start[b], self._start[b + 1]) for b in block.tolist()]
+        rows = np.concatenate(within)
+        # No triangle is nearer than its box, and one is as near as its middle.
+        near = float(_length(self._middle[rows] - point).min())
+        rows = rows[_from_box(self._low[rows], self._high[rows], point) <= near * SAFELY]
+        return np.sort(self._triangle[rows]), near
+
+
+def _along_curve(position: np.ndarray) -> np.ndarray:
+    """An order of points ``[n, 3]`` in which neighbors follow each other: that of their cells along Morton's curve."""
+    low, high = position.min(axis=0), position.max(axis=0)
+    steps = (1 << BITS_OF_CELL) - 1
+    cell = ((position - low) / max(float((high - low).max()), 1e-300) * steps).astype(np.int64)
+    code = np.zeros(len(position), np.int64)
+    for bit in range(BITS_OF_CELL):
+        for axis in range(3):
+            code |= ((cell[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return np.argsort(code, kind="stable")
+
+
+def _from_box(low: np.ndarray, high: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """How far a point is from boxes, shape ``[n]``; 0 within them."""
+    return _length(np.maximum(np.maximum(low - point, point - high), 0.0))
+
+
+def _length(vector: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.einsum("nd,nd->n", vector, vector))
 
 
 def nearest_in(corner: np.ndarray, point: np.ndarray) -> np.ndarray:

@@ -35,6 +35,10 @@ ROWS = 32
 THRESHOLD = 0.5
 # A polygon is convex where it lacks no larger share of its hull.
 NOT_CONVEX = 1e-6
+# Corners this close, as a share of a polygon's extent, are one, and what bends by less is straight.
+SAME_CORNER = 1e-9
+# How thick a polygon without an inside is taken for where its margin is kept, as a share of that.
+THINNEST = 1e-3
 # Sine of the angle between a tangent and a normal at least: below this it does not say where along the surface an outline points.
 SMALLEST_SINE = 1e-6
 # Edges of a polygon that is looked at for crossings.
@@ -319,13 +323,19 @@ class Obstacle(Settings):
         if self.disc is not None:
             return (Footprint(np.array([self.disc[:2]]), self.disc[2]),)
         outline = self._polygon_outline(0.0)
-        return self._pieces(None, 0.0) if outline is None else (outline,)
+        if outline is not None:
+            return (outline,)
+        pieces = self._pieces(None, 0.0)
+        if not pieces and self.polygon is not None and self.margin > 0.0:
+            # What has no inside keeps its margin off all the same.
+            return (Footprint.polygon(self.polygon, THINNEST * self.margin),)
+        return pieces
 
     def _pieces(self, outline: Footprint | None, margin: float) -> tuple[Footprint, ...]:
         if outline is not None and (self.polygon is None or len(self.polygon) <= MOST_CORNERS):
             return (outline,)
         found = []
-        for corners in () if self.polygon is None else _slabs(np.asarray(self.polygon)):
+        for corners in () if self.polygon is None else _convex_pieces(np.asarray(self.polygon)):
             # Those without an inside take no ground.
             with contextlib.suppress(ProblemError):
                 found.append(Footprint.polygon(corners, margin))
@@ -350,6 +360,44 @@ def mask_shape(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, 
         fine = max([math.ceil(length / pixel), *(min(n, MOST_PIXELS) for n in of_images)])
         result.append(pixels * math.ceil(fine / pixels))
     return result[0], result[1]
+
+
+def _convex_pieces(corners: np.ndarray) -> Iterator[np.ndarray]:
+    """Cut a polygon, whose edges may cross, into convex pieces of at most ``MOST_CORNERS`` corners each."""
+    close = SAME_CORNER * float(np.ptp(corners, axis=0).max())
+    growing: list[tuple[list[np.ndarray], list[np.ndarray]]] = []
+    for slab in _slabs(corners):
+        for left, right in growing:
+            # What ends where this one begins may go on in it.
+            met = max(np.abs(left[-1] - slab[0]).max(), np.abs(right[-1] - slab[1]).max()) <= close
+            if met and _goes_on(left, right, slab, close):
+                break
+        else:
+            growing.append(([slab[0], slab[3]], [slab[1], slab[2]]))
+    for left, right in growing:
+        yield np.array([*right, *reversed(left)])
+
+
+def _goes_on(left: list[np.ndarray], right: list[np.ndarray], slab: np.ndarray, close: float) -> bool:
+    """Whether a convex piece stays one when a trapezoid is set on it; if so it is. Its sides are given from bottom to top."""
+    bends = [_bend(side, end) for side, end in ((left, slab[3]), (right, slab[2]))]
+    # To the right on the left side, and to the left on the right one.
+    if bends[0] > close or bends[1] < -close:
+        return False
+    straight = [abs(bend) <= close for bend in bends]
+    if len(left) + len(right) + 2 - sum(straight) > MOST_CORNERS:
+        return False
+    for side, end, on_line in zip((left, right), (slab[3], slab[2]), straight, strict=True):
+        if on_line:
+            side.pop()
+        side.append(end)
+    return True
+
+
+def _bend(side: list[np.ndarray], end: np.ndarray) -> float:
+    """How far a side of a piece, from bottom to top, bends to the left where it goes on to ``end`` [m]."""
+    last, onwards = side[-1] - side[-2], end - side[-2]
+    return float(last[0] * onwards[1] - last[1] * onwards[0]) / max(float(np.hypot(*onwards)), 1e-300)
 
 
 def _slabs(corners: np.ndarray) -> Iterator[np.ndarray]:

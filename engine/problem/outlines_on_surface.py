@@ -23,6 +23,9 @@ from .unit_vectors import tangent_frame, unit_vectors
 
 __all__ = ["OutlinesOnSurface", "distance_from_outline", "outlines_on_surface"]
 
+# What the settings of an obstacle may hold.
+Given = np.ndarray | Sequence[float] | Sequence[Sequence[float]] | None
+
 # Normals that look away from a face by more than this cosine say nothing of the plane that a tangent lies in.
 STEEPEST = 0.2
 # Levels of size, each of outlines within a factor of two; whatever is smaller still goes into the last.
@@ -31,6 +34,8 @@ MOST_LEVELS = 12
 MOST_KNOWN = 4
 # Points that are looked at together.
 POINTS_AT_ONCE = 200_000
+# Couples of a point and a spot that are.
+COUPLES_AT_ONCE = 500_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +52,7 @@ class OutlinesOnSurface:
         normal: Where the smooth surface looks to there, shape ``[m, 3]``.
         along: Where their x axes point along that, shape ``[m, 3]``.
         away: How far from the surface they were given [m].
+        spot: Number of the spot that each lies at, int64: those of one spot have one place, normal and direction.
     """
 
     shapes: tuple[Footprint, ...]
@@ -58,6 +64,7 @@ class OutlinesOnSurface:
     normal: np.ndarray
     along: np.ndarray
     away: np.ndarray
+    spot: np.ndarray
     _known: list[tuple[ref[PointsOnSurface], float, np.ndarray]] = field(default_factory=list, init=False, repr=False)
 
     def __len__(self) -> int:
@@ -98,6 +105,7 @@ class OutlinesOnSurface:
             self.normal[chosen],
             self.along[chosen],
             self.away[chosen],
+            self.spot[chosen],
         )
 
     def free(self, points: PointsOnSurface, edge: float) -> np.ndarray:
@@ -122,15 +130,25 @@ class OutlinesOnSurface:
         for level in self._levels(most):
             for first in range(0, len(position), POINTS_AT_ONCE):
                 some = slice(first, first + POINTS_AT_ONCE)
-                row, outline = level.near(position[some])
-                self._bring_nearer(result[some], position[some], normal[some], row, outline, most)
+                row, spot = level.near(position[some])
+                for begin in range(0, len(row), COUPLES_AT_ONCE):
+                    couples = slice(begin, begin + COUPLES_AT_ONCE)
+                    self._bring_nearer(result[some], position[some], normal[some], row[couples], spot[couples], most)
         return result
 
+    @cached_property
+    def _spots(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Outlines ordered by spot; where those of every spot begin, shape ``[spots + 1]``; and how far they reach from it [m]."""
+        order = np.argsort(self.spot, kind="stable")
+        start = np.flatnonzero(np.diff(self.spot[order], prepend=-1))
+        return order, np.append(start, len(order)), np.maximum.reduceat(self.reach[order], start)
+
     def _levels(self, most: float) -> Iterator[_Level]:
-        level = np.clip(np.log2(self.reach.max() / self.reach), 0, MOST_LEVELS - 1).astype(int)
+        order, start, reach = self._spots
+        level = np.clip(np.log2(reach.max() / reach), 0, MOST_LEVELS - 1).astype(int)
         for number in np.unique(level).tolist():
             own = np.flatnonzero(level == number)
-            yield _Level(own, self.position[own], float(self.reach[own].max()) + most)
+            yield _Level(own, self.position[order[start[own]]], float(reach[own].max()) + most)
 
     def _bring_nearer(
         self,
@@ -138,29 +156,49 @@ class OutlinesOnSurface:
         position: np.ndarray,
         normal: np.ndarray,
         row: np.ndarray,
-        outline: np.ndarray,
+        spot: np.ndarray,
         most: float,
     ) -> None:
-        """Bring the distances of some couples of a point and an outline into those of the points."""
-        way = position[row] - self.position[outline]
+        """Bring the distances of some couples of a point and the outlines of a spot into those of the points."""
+        order, start, reach = self._spots
+        lead = order[start[spot]]
+        way = position[row] - self.position[lead]
         away = np.sqrt(np.einsum("nd,nd->n", way, way))
-        near = np.flatnonzero(away < self.reach[outline] + most)
-        row, outline, way, away = row[near], outline[near], way[near], away[near]
-        here, there = normal[row], self.normal[outline]
+        near = np.flatnonzero(away < reach[spot] + most)
+        row, spot, lead, way, away = row[near], spot[near], lead[near], way[near], away[near]
+        here, there = normal[row], self.normal[lead]
         seen = np.flatnonzero(_on_one_sheet(way, away, here, there))
-        row, outline, way, away = row[seen], outline[seen], way[seen], away[seen]
-        x, y = self._seen_from(outline, way, away, here[seen])
-        found = np.full(len(row), most)
-        for number in np.unique(self.shape[outline]).tolist():
-            own = np.flatnonzero(self.shape[outline] == number)
-            place = np.stack([x[own], y[own]], axis=1) / self.scale[outline[own], None]
-            core = distance_from_outline(place, self.shapes[number].corners)
-            found[own] = core * self.scale[outline[own]] - self.rounding[outline[own]]
+        row, spot, lead, way, away = row[seen], spot[seen], lead[seen], way[seen], away[seen]
+        place = np.stack(self._seen_from(lead, way, away, here[seen]), axis=1)
+        # All that lie at the spot.
+        count = start[spot + 1] - start[spot]
+        couple = np.repeat(np.arange(len(spot)), count)
+        outline = order[start[spot][couple] + np.arange(len(couple)) - np.repeat(np.cumsum(count) - count, count)]
+        middle, radius = self._circles
+        off = place[couple] - middle[outline]
+        near = np.flatnonzero(np.einsum("nd,nd->n", off, off) < (radius[outline] + most) ** 2)
+        couple, outline = couple[near], outline[near]
+        scale = self.scale[outline]
+        core = self._corners.distance(place[couple] / scale[:, None], self.shape[outline])
+        found = np.minimum(core * scale - self.rounding[outline], most)
         # Couples of one point follow each other.
+        row = row[couple]
         first = np.flatnonzero(np.diff(row, prepend=-1))
         if len(first):
             own = row[first]
             result[own] = np.minimum(result[own], np.minimum.reduceat(found, first))
+
+    @cached_property
+    def _corners(self) -> _Corners:
+        return _Corners([one.corners for one in self.shapes])
+
+    @cached_property
+    def _circles(self) -> tuple[np.ndarray, np.ndarray]:
+        """Middles of circles around the outlines in the frames of their spots [m], shape ``[m, 2]``, and radii [m]."""
+        middle = np.array([one.corners.mean(axis=0) for one in self.shapes]).reshape(-1, 2)
+        away = [np.hypot(*(one.corners - at).T).max() for one, at in zip(self.shapes, middle, strict=True)]
+        radius = np.array([*away, 0.0])[self.shape] * self.scale + self.rounding
+        return middle[self.shape] * self.scale[:, None], radius
 
     def _seen_from(
         self, outline: np.ndarray, way: np.ndarray, away: np.ndarray, normal: np.ndarray
@@ -176,11 +214,37 @@ class OutlinesOnSurface:
         return np.einsum("nd,nd->n", flat, along), np.einsum("nd,nd->n", flat, beside)
 
 
-class _Level:
-    """Outlines of about one size in cells as large as they reach: each is in all cells that it reaches into.
+class _Corners:
+    """Corners of outlines, in tables of those that have as many.
 
     Args:
-        number: Which outlines.
+        corners: Of every outline, counter-clockwise, shape ``[k, 2]``.
+    """
+
+    def __init__(self, corners: Sequence[np.ndarray]) -> None:
+        self._count = np.array([len(one) for one in corners], np.int64)
+        self._row = np.zeros(len(corners), np.int64)
+        self._table: dict[int, np.ndarray] = {}
+        for k in np.unique(self._count).tolist():
+            own = np.flatnonzero(self._count == k)
+            self._row[own] = np.arange(len(own))
+            self._table[k] = np.array([corners[number] for number in own])
+
+    def distance(self, place: np.ndarray, number: np.ndarray) -> np.ndarray:
+        """Return how far places ``[n, 2]`` are from the outline of this number each, shape ``[n]``; below 0 within it."""
+        result, count = np.empty(len(place)), self._count[number]
+        for k, table in self._table.items():
+            own = np.flatnonzero(count == k)
+            if len(own):
+                result[own] = _distance_from(place[own], table, self._row[number[own]])
+        return result
+
+
+class _Level:
+    """Spots with outlines of about one size in cells as large as they reach: each is in all cells that it reaches into.
+
+    Args:
+        number: Which spots.
         position: Where they are.
         reach: How far any of them reaches.
     """
@@ -206,7 +270,7 @@ class _Level:
         return np.where(inside, key, -1)
 
     def near(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Couples of a position, by its number, and an outline that may be near it."""
+        """Couples of a position, by its number, and a spot whose outlines may be near it."""
         key = self._keys(np.floor(position / self._size))
         first = np.searchsorted(self._key, key)
         count = np.searchsorted(self._key, key, side="right") - first
@@ -217,54 +281,51 @@ class _Level:
 
 def outlines_on_surface(surface: Surface, obstacles: Sequence[Obstacle]) -> OutlinesOnSurface:
     """Return those of some obstacles that are outlines on a surface, where they lie on it."""
+    lying = [obstacle for obstacle in obstacles if obstacle.position is not None]
+    count = np.array([len(np.asarray(one.position)) for one in lying], np.int64)
+    own = [np.arange(end - number, end) for end, number in zip(np.cumsum(count), count, strict=True)]
     shapes: list[Footprint] = []
-    lying: list[tuple[Obstacle, np.ndarray, int]] = []
-    for obstacle in obstacles:
-        if obstacle.position is None:
-            continue
-        number = len(np.asarray(obstacle.position))
+    # Of every outline: its core, the obstacle, and the spot.
+    parts: list[np.ndarray] = [np.empty((3, 0), np.int64)]
+    for number, obstacle in enumerate(lying):
         for core in obstacle.cores:
-            lying.append((obstacle, np.full(number, len(shapes), np.int32), number))
+            parts.append(
+                np.stack([np.full_like(own[number], len(shapes)), np.full_like(own[number], number), own[number]])
+            )
             shapes.append(core)
-
-    def of_all(values: Sequence[np.ndarray], empty: np.ndarray) -> np.ndarray:
-        return np.concatenate([empty, *values])
-
-    place = [_places(surface, obstacle) for obstacle, _, _ in lying]
-    points = surface.points(
-        of_all([triangle for triangle, _ in place], np.empty(0, np.int64)),
-        of_all([weight for _, weight in place], np.empty((0, 3))),
-    )
-    given = of_all([np.asarray(one.position) for one, _, _ in lying], np.empty((0, 3)))
+    shape, of_obstacle, spot = np.concatenate(parts, axis=1)
+    scale = np.concatenate([np.empty(0), *(np.asarray(one.scale) for one in lying)])
+    triangle, weight = _places(surface, lying)
+    points = surface.points(triangle, weight)
+    given = _of_spots(lying, [one.position for one in lying])
     face, normal = points.normal, points.smooth_normal
-    along = tangent_frame(face)[0]
-
-    def directions(name: str) -> np.ndarray:
-        """One for each, NaN where none was given."""
-        given = [getattr(one, name) for one, _, _ in lying]
-        return of_all(
-            [
-                np.full((m, 3), np.nan) if d is None else np.asarray(d)
-                for d, (_, _, m) in zip(given, lying, strict=True)
-            ],
-            np.empty((0, 3)),
-        )
-
-    flat = _laid_onto(directions("tangent"), directions("normal"), face)
+    flat = _laid_onto(
+        _of_spots(lying, [one.tangent for one in lying]), _of_spots(lying, [one.normal for one in lying]), face
+    )
     # A tangent that stands upright says nothing.
     told = np.linalg.norm(flat, axis=1) > 1e-6
-    along = np.where(told[:, None], unit_vectors(flat), along)
+    along = _turned(np.where(told[:, None], unit_vectors(flat), tangent_frame(face)[0]), face, normal)
     return OutlinesOnSurface(
         tuple(shapes),
-        of_all([shape for _, shape, _ in lying], np.empty(0, np.int32)),
-        of_all([np.asarray(one.scale) for one, _, _ in lying], np.empty(0)),
-        of_all([np.full(m, one.margin) for one, _, m in lying], np.empty(0)),
-        points,
-        points.position,
-        normal,
-        _turned(along, face, normal),
-        np.linalg.norm(given - points.position, axis=1),
+        shape.astype(np.int32),
+        scale[spot],
+        np.array([one.margin for one in lying] + [0.0])[of_obstacle],
+        surface.points(triangle[spot], weight[spot]),
+        points.position[spot],
+        normal[spot],
+        along[spot],
+        np.linalg.norm(given - points.position, axis=1)[spot],
+        spot,
     )
+
+
+def _of_spots(obstacles: Sequence[Obstacle], values: Sequence[Given]) -> np.ndarray:
+    """Vectors of all the spots of obstacles, one after the other, shape ``[spots, 3]``; NaN where an obstacle has none."""
+    given = [
+        np.full(np.asarray(one.position).shape, np.nan) if value is None else np.asarray(value, np.float64)
+        for one, value in zip(obstacles, values, strict=True)
+    ]
+    return np.concatenate([np.empty((0, 3)), *given])
 
 
 def _laid_onto(tangent: np.ndarray, normal: np.ndarray, face: np.ndarray) -> np.ndarray:
@@ -275,13 +336,31 @@ def _laid_onto(tangent: np.ndarray, normal: np.ndarray, face: np.ndarray) -> np.
     return tangent - height[:, None] * along
 
 
-def _places(surface: Surface, obstacle: Obstacle) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles of a surface that the places of an obstacle are on, and the weights of their corners."""
-    position = np.asarray(obstacle.position)
-    if obstacle.triangle is None:
+def _places(surface: Surface, obstacles: Sequence[Obstacle]) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of a surface that the spots of obstacles are on, and the weights of their corners."""
+    position = _of_spots(obstacles, [one.position for one in obstacles])
+    triangle, weight = np.empty(len(position), np.int64), np.empty((len(position), 3))
+    told = np.repeat(
+        np.array([one.triangle is not None for one in obstacles], bool),
+        np.array([len(np.asarray(one.position)) for one in obstacles], np.int64),
+    )
+    looks = np.nan_to_num(_of_spots(obstacles, [one.normal for one in obstacles]))
+    free = np.flatnonzero(~told)
+    if len(free):
         corner = surface.position[surface.triangle]
-        looks = np.zeros(position.shape) if obstacle.normal is None else np.asarray(obstacle.normal)
-        return nearest_on_triangles(corner, position, looks)
+        triangle[free], weight[free] = nearest_on_triangles(corner, position[free], looks[free])
+    first = 0
+    for obstacle in obstacles:
+        own = slice(first, first + len(np.asarray(obstacle.position)))
+        first = own.stop
+        if obstacle.triangle is not None:
+            triangle[own], weight[own] = _told_places(surface, obstacle)
+    return triangle, weight
+
+
+def _told_places(surface: Surface, obstacle: Obstacle) -> tuple[np.ndarray, np.ndarray]:
+    """The same for an obstacle that says on which triangles it is."""
+    position = np.asarray(obstacle.position)
     mesh, triangle = np.asarray(obstacle.mesh), np.asarray(obstacle.triangle)
     _check_triangles(surface, mesh, triangle)
     third = np.full((len(position), 3), 1.0 / 3.0)
@@ -316,14 +395,22 @@ def _check_triangles(surface: Surface, mesh: np.ndarray, triangle: np.ndarray) -
 
 def distance_from_outline(place: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Return how far places ``[n, 2]`` are from a convex polygon, a segment or a point, shape ``[n]``; below 0 within a polygon."""
+    return _distance_from(place, corners[None], np.zeros(len(place), np.int64))
+
+
+def _distance_from(place: np.ndarray, table: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """The same from the outline in this row of a table each; the table has shape ``[outlines, corners, 2]``."""
+    count = table.shape[1]
     squared = np.full(len(place), np.inf)
-    inside = np.full(len(place), len(corners) > 2)
-    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        edge, way = b - a, place - a
-        along = np.clip(way @ edge / max(float(edge @ edge), 1e-300), 0.0, 1.0)
+    inside = np.full(len(place), count > 2)
+    edges = np.roll(table, -1, axis=1) - table
+    lengths = np.maximum(np.einsum("mkd,mkd->mk", edges, edges), 1e-300)
+    for k in range(count):
+        edge, way = edges[row, k], place - table[row, k]
+        along = np.clip(np.einsum("nd,nd->n", way, edge) / lengths[row, k], 0.0, 1.0)
         off = way - along[:, None] * edge
         np.minimum(squared, np.einsum("nd,nd->n", off, off), out=squared)
-        inside &= edge[0] * way[:, 1] - edge[1] * way[:, 0] >= 0.0
+        inside &= edge[:, 0] * way[:, 1] - edge[:, 1] * way[:, 0] >= 0.0
     away = np.sqrt(squared)
     return np.where(inside, -away, away)
 

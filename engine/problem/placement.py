@@ -42,7 +42,7 @@ class Placement:
         normal: On a surface, where it looks to at every body, of length 1, shape ``[n, 3]``, float64; None in a rectangle, as what
             follows.
         tangent: Direction along the surface, at a right angle to the normal, of length 1, shape ``[n, 3]``: that of a line's axis; of
-            a dot the one nearest to x, or to y where the surface looks along x.
+            a dot the one nearest to x, or to y where the surface looks along x, by a cosine above 0.9.
         mesh: Mesh of the surface that every body is on, shape ``[n]``, int32.
         triangle: Triangle of that mesh, shape ``[n]``, int32.
         barycentric: Weights of that triangle's corners, shape ``[n, 3]``, float64.

@@ -1,4 +1,4 @@
-"""Kernels for lines that bend on a surface: how far there is room to; gaps are shared out as in the plane."""
+"""Kernels for lines that bend on a surface: how far there is room to, and where they lie; gaps are shared out as in the plane."""
 
 from __future__ import annotations
 
@@ -6,12 +6,21 @@ import warp as wp
 
 from ..cascade.kernels_points import cell_at
 from ..space.kernels_meeting import keep_apart
+from ..surface.kernels_facets import carried, smooth_normal, spot_at, tangential
 from .kernels_bends import share_of_gap
+from .kernels_descent import Bodies
 from .kernels_lying import cell_of_block, slot_of_level
+from .kernels_on_surface import Ground, Poses
+from .kernels_surface_lines import place_along, way_along
 from .kernels_surface_separation import Standing, SurfaceCrowd, copy_corners, glance_at, in_cell, standing_of
 from .kernels_touch import Core, core_of, touch_between
 
 wp.set_module_options({"enable_backward": False})
+
+# How often the way to a charge is corrected. Every time takes off a factor of at least ten where the surface is smooth.
+MOST_CORRECTIONS = wp.constant(12)
+# A charge that lies this close to its place, as a share of the way there, is there.
+CLOSE_ENOUGH = wp.constant(1.0e-5)
 
 
 @wp.func
@@ -72,3 +81,53 @@ def find_room_on_surface(
             for number in range(counts[0] * counts[1] * counts[2]):
                 left = room_in_cell(left, i, here, low + cell_of_block(number, counts), m, widest, crowd)
     room[i] = left
+
+
+@wp.func
+def as_flat(way: wp.vec3, normal: wp.vec3):
+    """A way from a body to a point, laid into the plane that touches the smooth surface at the body: as long as in a straight line."""
+    flat = tangential(way, normal)
+    length = wp.length(flat)
+    if length > 0.0:
+        flat = flat * (wp.length(way) / length)
+    return flat
+
+
+@wp.kernel
+def lay_bends(
+    first: int,
+    poses: Poses,
+    bodies: Bodies,
+    ground: Ground,
+    # outputs
+    position: wp.array(dtype=wp.vec3),
+    missed: wp.array(dtype=float),
+):
+    """Put the charges of lines where they are in the plane that lines were parted in: that of the smooth surface at their middles.
+
+    ``missed`` is how far the worst charge of every line is from there, at the end of the surface or where this folds.
+    """
+    i = first + wp.tid()
+    facet, weight = poses.facet[i], poses.weight[i]
+    worst = float(0.0)
+    if bodies.kind[i] >= 0:
+        middle = spot_at(facet, weight, ground.facets).position
+        plane = ground.facets.normal[facet]
+        normal = smooth_normal(facet, weight, ground.facets)
+        for j in range(bodies.first_charge[i], bodies.first_charge[i + 1]):
+            way = way_along(facet, poses.axis[i], bodies.axial[j], poses.bend[j], ground.facets)
+            wanted = carried(way, plane, normal)
+            nearest = wp.length(wanted)
+            enough = CLOSE_ENOUGH * nearest
+            position[j] = middle
+            for _round in range(MOST_CORRECTIONS):
+                if nearest > enough:
+                    found = place_along(facet, weight, way, ground.facets).position
+                    off = wanted - as_flat(found - middle, normal)
+                    if wp.length(off) < nearest:
+                        nearest = wp.length(off)
+                        position[j] = found
+                    way = way + carried(off, normal, plane)
+            if enough > 0.0:
+                worst = wp.max(worst, nearest)
+    missed[i] = worst

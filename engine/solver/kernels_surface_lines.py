@@ -35,6 +35,11 @@ from .kernels_on_surface import Charges, Ground, Motion, Poses, may_be, put_char
 
 wp.set_module_options({"enable_backward": False})
 
+# Lines are shifted out of balls by at most so many times their depth, where the surface runs along the ball's.
+STEEPEST_WAY_OUT = wp.constant(10.0)
+# So much farther, as a share of the way, and in units.
+ROUNDED_OFF = wp.constant(1.0e-3)
+
 
 @wp.struct
 class Axis:
@@ -117,14 +122,36 @@ def way_back(
 
 
 @wp.func
+def way_out_of_balls(middle: wp.vec3, axis: wp.vec3, i: int, ground: Ground):
+    """The way by which the axis of line ``i`` leaves the ball that it lies deepest in; 0 where it lies in none."""
+    way = wp.vec3(0.0, 0.0, 0.0)
+    if ground.ball_count > 0:
+        clear = ground.clear[i][0]
+        along = axis / wp.max(wp.length_sq(axis), 1.0e-12)
+        deepest = float(0.0)
+        for k in range(ground.ball_count):
+            ball = ground.balls[k]
+            way_here = middle - wp.vec3(ball[0], ball[1], ball[2])
+            away = way_here + wp.clamp(-wp.dot(way_here, along), -1.0, 1.0) * axis
+            distance = wp.length(away)
+            depth = ball[3] + clear - distance
+            if depth > deepest and distance > 0.0:
+                deepest = depth
+                way = away * (depth / distance)
+    return way
+
+
+@wp.func
 def line_fits(
     facet: int, weight: wp.vec2, axis: wp.vec3, i: int, bodies: Bodies, bend: wp.array(dtype=float), ground: Ground
 ):
-    """Whether all charges of a line are where its class may be."""
+    """Whether all charges of a line are where its class may be, and its axis is outside of balls."""
     clear = float(0.0)
+    fits = bool(True)
     if ground.ball_count > 0:
         clear = ground.clear[i][0]
-    fits = bool(True)
+        middle = spot_at(facet, weight, ground.facets).position
+        fits = wp.length_sq(way_out_of_balls(middle, axis, i, ground)) == 0.0
     for j in range(bodies.first_charge[i], bodies.first_charge[i + 1]):
         way = way_along(facet, axis, bodies.axial[j], bend[j], ground.facets)
         spot = place_along(facet, weight, way, ground.facets)
@@ -360,6 +387,25 @@ def fits(i: int, lying: Lying, bodies: Bodies, bend: wp.array(dtype=float), grou
 
 
 @wp.func
+def depth_in_balls(i: int, lying: Lying, ground: Ground):
+    """How deep the axis of line ``i`` lies in a ball, with its sides."""
+    return wp.length(way_out_of_balls(lying.middle.position, lying.axis, i, ground))
+
+
+@wp.func
+def beside_balls(i: int, lying: Lying, bodies: Bodies, ground: Ground):
+    """Line ``i``, shifted along the surface out of the ball that it lies deepest in."""
+    out = way_out_of_balls(lying.middle.position, lying.axis, i, ground)
+    along = tangential(out, ground.facets.normal[lying.middle.facet])
+    steep = wp.length_sq(along)
+    if steep == 0.0:
+        return lying
+    # So far along the surface that it is out by as much as is needed, and a little for rounding.
+    longer = wp.min(wp.length_sq(out) / steep, STEEPEST_WAY_OUT) * (1.0 + ROUNDED_OFF) + ROUNDED_OFF / wp.sqrt(steep)
+    return shifted(i, lying, longer * along, bodies, ground)
+
+
+@wp.func
 def allowed(
     i: int, old: Lying, turned: Lying, way: wp.vec3, bodies: Bodies, bend: wp.array(dtype=float), ground: Ground
 ):
@@ -369,6 +415,12 @@ def allowed(
     back = way_back(new.middle.facet, new.middle.weight, new.axis, i, bodies, bend, ground)
     if wp.length_sq(back) > 0.0:
         new = shifted(i, new, back, bodies, ground)
+    if ground.ball_count > 0:
+        new = beside_balls(i, new, bodies, ground)
+        before = depth_in_balls(i, old, ground)
+        if before > 0.0 and depth_in_balls(i, new, ground) < before:
+            # What lies in a ball comes out of it little by little.
+            return new
     if fits(i, new, bodies, bend, ground):
         return new
     # The shift alone, then the turn alone.

@@ -25,7 +25,7 @@ from ..problem.unit_vectors import tangent_frame
 from ..surface import kernels_facets
 from ..surface.facets import Facets
 from ..surface.parts import joined_parts
-from . import kernels_on_surface, kernels_surface_lines
+from . import kernels_on_surface, kernels_surface_bends, kernels_surface_lines
 from .contact import keeps_apart
 from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels
 from .direction import Direction
@@ -69,6 +69,8 @@ SAMPLES_OF_OUTLINES = 2
 # What lies so near to it, in units, is cut finer, too: there the near part of the target's force changes fast.
 NEAR_DETAIL = 2.9
 FINER_NEAR_DETAIL = 2
+# Lines of which a charge lies farther from where it was when they were parted, in widths, lie straight.
+MOST_MISSED = 0.0005
 
 
 class SurfaceDescent:
@@ -206,13 +208,30 @@ class SurfaceDescent:
 
     def placement(self) -> Placement:
         """The bodies as they are; the report is empty."""
-        charges = self.charge_positions() if self.model.bends_any else None
+        charges = self._laid_charges() if self.model.bends_any else None
         return placement_on_surface(self.model, self.launcher, self.facets, self.state, charges)
 
-    def charge_positions(self) -> np.ndarray:
-        """Where all charges are [m], shape ``[charge_count, 3]``."""
-        self.place_charges()
-        return self.charges.points.position.numpy().astype(np.float64) * self.model.unit + self.facets.middle
+    def _laid_charges(self) -> np.ndarray:
+        """Where all charges are as outlines lie [m], shape ``[charge_count, 3]``.
+
+        Where outlines keep apart, those of lines that cannot lie as they were parted are NaN: these lie straight.
+        """
+        model = self.model
+        position = self.launcher.zeros(model.charge_count, wp.vec3)
+        missed = self.launcher.zeros(model.body_count, float)
+        self.launcher.launch(
+            kernels_surface_bends.lay_bends,
+            model.body_count,
+            [self._poses, self.bodies, self.ground],
+            [position, missed],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
+        charges = position.numpy().astype(np.float64) * model.unit + self.facets.middle
+        if model.problem.avoid_overlap:
+            length = 2.0 * np.linalg.norm(self.state.axis.numpy().astype(np.float64), axis=1) * model.unit
+            elsewhere = missed.numpy() * model.unit > MOST_MISSED * model.widths(length)
+            charges[elsewhere[model.charge.body]] = np.nan
+        return charges
 
     def place_charges(self) -> None:
         """Put the charges of all bodies where these are."""

@@ -132,3 +132,28 @@ def test_values_that_are_none_are_refused_with_a_sentence(values, message):
 def test_a_radius_below_every_length_is_named(kind, value):
     with pytest.raises(ProblemError, match=rf"{kind}` must have a radius of at least 1e-09 m; got 1e-12"):
         Obstacle(**{kind: value})
+
+
+def star(corners, lobes):
+    angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)
+    return (0.5 + 0.2 * np.cos(lobes * angle))[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+@pytest.mark.parametrize("corners, most", [(10, 5), (24, 16), (50, 24), (100, 40), (200, 80)])
+def test_polygons_are_cut_into_few_convex_pieces(corners, most):
+    polygon = star(corners, 7)
+    pieces = Obstacle(polygon=polygon).pieces
+    assert 1 < len(pieces) <= most
+    x, y = polygon.T
+    area = 0.5 * abs(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+    assert sum(piece.area for piece in pieces) == pytest.approx(area, rel=1e-6)
+    for piece in pieces:
+        edge = np.roll(piece.corners, -1, axis=0) - piece.corners
+        onwards = np.roll(edge, -1, axis=0)
+        assert len(piece.corners) <= 16
+        assert (edge[:, 0] * onwards[:, 1] - edge[:, 1] * onwards[:, 0]).min() > -1e-9
+
+
+def test_edges_that_cross_leave_what_they_go_around():
+    lobes = Obstacle(polygon=[[-1, -1], [1, 1], [1, -1], [-1, 1]]).pieces
+    assert sum(piece.area for piece in lobes) == pytest.approx(2.0)

@@ -333,3 +333,84 @@ def test_lines_that_lie_on_each_other_many_times_are_not_pushed(count, kept):
         assert (solver.descent.contact is not None) == kept
         solver.step()
         assert np.isfinite(solver.placement().position).all()
+
+
+@pytest.mark.parametrize("shape", ["torus", "box"])
+@pytest.mark.parametrize("straightness", [0.0, 1.0])
+def test_lines_that_bend_keep_apart_and_off_outlines_on_curved_ground_and_round_edges(shape, straightness):
+    mesh = {
+        "torus": lambda: trimesh.creation.torus(1.0, 0.4, major_sections=64, minor_sections=32),
+        "box": lambda: trimesh.creation.box((1.0, 1.2, 1.4)),
+    }[shape]()
+    surface = esh.Surface(esh.SurfaceMesh(mesh.vertices, mesh.faces))
+    area = 0.12 * surface.area / 120
+    first = esh.solve(
+        esh.Problem(surface, [esh.BodyClass("stone", [esh.Size("s", area, 120)])], avoid_overlap=True), **RUN
+    )
+    stones = esh.Obstacle(
+        disc=(0, 0, (area / np.pi) ** 0.5), position=first.position, normal=first.normal, tangent=first.tangent
+    )
+    width = (0.25 * surface.area / 120 / 4) ** 0.5
+    bending = {"straightness": straightness}
+    problem = sticks(surface, "none", 120, 4 * width, width, avoid_overlap=True, obstacles=[stones], bending=bending)
+    placement = esh.solve(problem, **RUN)
+    report = placement.report
+    assert report.overlaps == 0 and report.in_obstacles == 0
+    # Nearly all of them bend, as far as they are let.
+    bent = np.isfinite(placement.bends).all(axis=(1, 2))
+    assert bent.mean() > 0.7
+    if straightness == 0.0:
+        assert longer_than_its_chord(placement.bends[bent]).max() > 1.02
+    # Points of two neighbors, in a straight line, are no nearer than flat outlines allow where the ground bends little between them.
+    if shape == "torus":
+        middles = placement.position[bent]
+        points = placement.bends[bent]
+        for i, j in np.argwhere(np.triu(np.linalg.norm(middles[:, None] - middles[None], axis=2) < 2.0 * width, 1)):
+            alike = placement.normal[bent][i] @ placement.normal[bent][j] > 0.95
+            nearest = np.linalg.norm(points[i][:, None] - points[j][None], axis=2).min()
+            assert not alike or nearest > 0.9 * width
+
+
+def test_bent_lines_are_laid_as_they_were_parted():
+    """In the plane that touches the smooth surface at the middle, points of lines are where axis and bend say."""
+    width = 0.06
+    problem = sticks(ball(), "none", 60, 6 * width, width, avoid_overlap=True, bending={"straightness": 0.1})
+    with esh.Solver(problem, device="cpu") as solver:
+        solver.run(40)
+        placement = solver.placement()
+    bent = np.isfinite(placement.bends).all(axis=(1, 2))
+    assert bent.all()
+    way = placement.bends - placement.position[:, None]
+    # Here it looks away from the middle of the ball, nearly.
+    normal = placement.position / np.linalg.norm(placement.position, axis=1, keepdims=True)
+    flat = way - np.einsum("nkd,nd->nk", way, normal)[:, :, None] * normal[:, None]
+    flat *= (np.linalg.norm(way, axis=2) / np.maximum(np.linalg.norm(flat, axis=2), 1e-12))[:, :, None]
+    along = placement.tangent - (placement.tangent * normal).sum(axis=1, keepdims=True) * normal
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    axial = np.einsum("nkd,nd->nk", flat, along)
+    share = np.linspace(-0.5, 0.5, placement.bends.shape[1])
+    np.testing.assert_allclose(axial, share * placement.length[:, None], atol=0.01 * width)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_point_of_a_line_reaches_into_a_ball(seed):
+    width = (0.2 * 4.0 * np.pi / 200 / 4) ** 0.5
+    balls = [(0.6, 0, 0.8, 0.25), (-0.6, 0, -0.8, 0.3), (0, 1, 0, 0.3)]
+    mesh = trimesh.creation.icosphere(4)
+    surface = esh.Surface(esh.SurfaceMesh(mesh.vertices, mesh.faces))
+    problem = sticks(
+        surface,
+        "slope",
+        200,
+        4 * width,
+        width,
+        avoid_overlap=True,
+        obstacles=[esh.Obstacle(ball=one) for one in balls],
+        seed=seed,
+    )
+    placement = esh.solve(problem, device="cpu")
+    assert placement.report.in_obstacles == 0
+    steps = np.linspace(-0.5, 0.5, 41)[:, None, None]
+    axis = placement.position + steps * placement.length[:, None] * placement.tangent
+    for x, y, z, radius in balls:
+        assert np.linalg.norm(axis - [x, y, z], axis=2).min() > radius + 0.5 * width - 1e-5

@@ -492,3 +492,33 @@ def test_equal_problems_give_equal_bytes():
         solved(boxes(surface, 60, 0.15, seed=2, obstacles=[standing(first)])).position for _ in itertools.repeat(0, 2)
     )
     np.testing.assert_array_equal(one, other)
+
+
+def test_the_margin_of_a_polygon_without_an_inside_is_kept():
+    line = np.array([[0.0, 0.0], [0.8, 0.0], [0.4, 0.0]])
+    obstacle = esh.Obstacle(polygon=line, margin=0.1, position=(0, 0, 0), tangent=(1, 0, 0))
+    problem = esh.Problem(
+        square(), [esh.BodyClass("a", [esh.Size("s", 3e-4, 2000)])], avoid_overlap=True, obstacles=[obstacle]
+    )
+    placement = solved(problem)
+    nearest = placement.position.copy()
+    nearest[:, 0] -= np.clip(nearest[:, 0], 0.0, 0.8)
+    away = np.linalg.norm(nearest, axis=1)
+    assert away.min() > 0.1 + 0.99 * (3e-4 / np.pi) ** 0.5
+    # No farther than that.
+    assert away.min() < 0.14 and placement.report.in_obstacles == 0
+
+
+def test_a_polygon_of_many_corners_is_met_as_it_is():
+    angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    star = (0.5 + 0.2 * np.cos(7 * angle))[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    obstacle = esh.Obstacle(polygon=star, position=(0, 0, 0), tangent=(1, 0, 0))
+    radius = (0.002 / np.pi) ** 0.5
+    problem = esh.Problem(
+        square(), [esh.BodyClass("a", [esh.Size("s", 0.002, 600)])], avoid_overlap=True, obstacles=[obstacle]
+    )
+    placement = solved(problem)
+    away = shapely.distance(shapely.Polygon(star), shapely.points(placement.position[:, :2]))
+    assert away.min() > 0.99 * radius and placement.report.in_obstacles == 0
+    # Between its points, too.
+    assert (np.linalg.norm(placement.position, axis=1) < 0.6).sum() > 5
