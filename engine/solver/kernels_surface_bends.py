@@ -93,6 +93,28 @@ def as_flat(way: wp.vec3, normal: wp.vec3):
     return flat
 
 
+@wp.func
+def place_as_flat(
+    facet: int, weight: wp.vec2, way: wp.vec3, middle: wp.vec3, plane: wp.vec3, normal: wp.vec3, ground: Ground
+):
+    """Where a charge is that lies this way from its line's middle once it is laid flat; and by how much it is not."""
+    wanted = carried(way, plane, normal)
+    missed = wp.length(wanted)
+    enough = CLOSE_ENOUGH * missed
+    position = middle
+    if missed > 0.0:
+        onwards = way
+        for _round in range(MOST_CORRECTIONS):
+            if missed > enough:
+                found = place_along(facet, weight, onwards, ground.facets).position
+                off = wanted - as_flat(found - middle, normal)
+                if wp.length(off) < missed:
+                    missed = wp.length(off)
+                    position = found
+                onwards = onwards + carried(off, normal, plane)
+    return position, missed
+
+
 @wp.kernel
 def lay_bends(
     first: int,
@@ -116,18 +138,7 @@ def lay_bends(
         normal = smooth_normal(facet, weight, ground.facets)
         for j in range(bodies.first_charge[i], bodies.first_charge[i + 1]):
             way = way_along(facet, poses.axis[i], bodies.axial[j], poses.bend[j], ground.facets)
-            wanted = carried(way, plane, normal)
-            nearest = wp.length(wanted)
-            enough = CLOSE_ENOUGH * nearest
-            position[j] = middle
-            for _round in range(MOST_CORRECTIONS):
-                if nearest > enough:
-                    found = place_along(facet, weight, way, ground.facets).position
-                    off = wanted - as_flat(found - middle, normal)
-                    if wp.length(off) < nearest:
-                        nearest = wp.length(off)
-                        position[j] = found
-                    way = way + carried(off, normal, plane)
-            if enough > 0.0:
-                worst = wp.max(worst, nearest)
+            there, off = place_as_flat(facet, weight, way, middle, plane, normal, ground)
+            position[j] = there
+            worst = wp.max(worst, off)
     missed[i] = worst

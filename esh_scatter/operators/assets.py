@@ -12,9 +12,10 @@ from bpy.props import StringProperty
 from ...engine.errors import EshError, ProblemError
 from ..editing.assets import PLACED, PRESET, Asset, assets_from_text, bring_in, selected_assets, text_of_assets
 from ..properties.scene import active_scatter, selected_scatter
+from ..result.scene_units import sentence
 from ..targets.target import members_of
 from .classes_from import ClassesFromObjects
-from .edit import Edit, ground_in, sentence, stood_on
+from .edit import Edit, ground_in, stood_on
 from .run import ScatterObjects
 
 __all__ = ["CLASSES"]

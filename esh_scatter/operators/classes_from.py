@@ -16,7 +16,8 @@ from ...engine.problem.ink_models import DEFAULT_MODEL, INK_MODELS
 from ...engine.problem.scatter_settings import TargetSettings
 from ..properties.described import values_from
 from ..properties.scene import active_scatter, selected_scatter
-from .edit import Edit, sentence
+from ..result.scene_units import sentence
+from .edit import Edit
 
 __all__ = ["CLASSES", "ClassesFromObjects"]
 

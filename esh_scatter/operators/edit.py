@@ -1,4 +1,4 @@
-"""What the buttons of the sidebar share: when they can be pressed, lists that are changed, errors as sentences."""
+"""What the buttons of the sidebar share: when they can be pressed, and lists that are changed."""
 
 # Properties are annotations that are calls, which Blender reads and mypy cannot.
 # mypy: disable-error-code="valid-type"
@@ -10,7 +10,6 @@ import numpy as np
 from bpy.props import EnumProperty
 
 from ..properties.scene import active_scatter, selected_scatter
-from ..result.scene_units import in_scene_units
 from ..solving import running
 from ..targets.target import RESULT_TARGET, is_result
 
@@ -23,7 +22,6 @@ __all__ = [
     "ground_in",
     "remove_at",
     "select_points",
-    "sentence",
     "settings_editable",
     "stood_on",
 ]
@@ -177,9 +175,3 @@ def remove_at(collection: Any, index: int) -> int:
     """Remove an entry of one of Blender's lists and return which is selected then."""
     collection.remove(index)
     return max(0, min(index, len(collection) - 1))
-
-
-def sentence(error: Exception | str) -> str:
-    """Return a sentence as Blender's status line shows it: with a capital letter, without back quotes, in the scene's units."""
-    text = in_scene_units(bpy.context.scene, str(error).replace("`", ""))
-    return text[:1].upper() + text[1:]

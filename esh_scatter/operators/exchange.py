@@ -18,8 +18,8 @@ from ...engine.files.body_formats import FORMATS
 from ...engine.files.placement_reader import READABLE
 from ..properties.scene import active_scatter
 from ..result.exchange import export_result, import_placement
+from ..result.scene_units import sentence
 from ..targets.target import RESULT_TAG
-from .edit import sentence
 
 __all__ = ["CLASSES", "attach", "detach"]
 

@@ -21,7 +21,8 @@ from ..properties.scene import active_scatter, selected_scatter
 from ..result import pins, real_objects
 from ..result.kept_ground import CLASSES_OF_POINTS, read_attribute, stand_anew
 from ..result.result import CLASS_NAMES
-from .edit import Edit, select_points, sentence
+from ..result.scene_units import sentence
+from .edit import Edit, select_points
 
 __all__ = ["CLASSES"]
 

@@ -16,7 +16,8 @@ from ...engine.errors import EshError
 from ..densities.density_curve import remove_curve
 from ..properties.layer import KINDS
 from ..properties.scene import active_scatter, selected_class, selected_scatter
-from .edit import ClassEdit, MoveEntry, RemoveEntry, sentence
+from ..result.scene_units import sentence
+from .edit import ClassEdit, MoveEntry, RemoveEntry
 
 __all__ = ["CLASSES"]
 

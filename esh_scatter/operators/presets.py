@@ -12,7 +12,8 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from ...engine.errors import EshError
 from ..properties.scene import selected_scatter
-from .edit import Edit, ground_in, sentence
+from ..result.scene_units import sentence
+from .edit import Edit, ground_in
 
 __all__ = ["CLASSES"]
 

@@ -20,10 +20,10 @@ from ..properties.described import identifier_of, property_of, value_of
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import words
-from ..result.scene_units import in_scene_units
+from ..result.scene_units import in_scene_units, sentence
 from ..solving import running
 from ..targets.target import members_of
-from .edit import remove_at, sentence, settings_editable, stood_on
+from .edit import remove_at, settings_editable, stood_on
 
 if TYPE_CHECKING:
     from ..api import ScatterResult

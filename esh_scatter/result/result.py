@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
 from ..classes.node_tree import remove_group
-from ..targets.references import Reference
 from ..targets.target import RESULT_TAG, RESULT_TARGET, is_result
 from .display import get_inputs, our_modifier, set_inputs
 from .node_group import (
@@ -19,20 +16,18 @@ from .node_group import (
     MADE_OF,
     Followed,
     build_node_group,
-    followed_targets,
     made_of,
     placed_objects,
 )
 
 __all__ = [
     "CLASS_NAMES",
+    "NAME",
     "OVERLAPPING",
-    "EmptiedGroup",
-    "empty_group",
-    "fill_group",
     "find_result",
     "remove_result",
     "rename_result",
+    "set_node_group",
     "write_result",
 ]
 
@@ -124,7 +119,7 @@ def write_result(
     modifier = our_modifier(item)
     if modifier is None:
         modifier = item.modifiers.new("ESH Scatter", "NODES")
-    _build_anew(modifier, name, sources, classes, followed)
+    set_node_group(modifier, name, sources, classes, followed)
     item[RESULT_TAG] = True
     if target is not None:
         item[RESULT_TARGET] = target
@@ -159,7 +154,7 @@ def _is_ours(group: bpy.types.NodeTree | None) -> bool:
     return group is not None and bool(group.get(RESULT_TAG))
 
 
-def _build_anew(
+def set_node_group(
     modifier: bpy.types.Modifier,
     name: str,
     sources: Sequence[bpy.types.Object | bpy.types.Collection],
@@ -217,62 +212,6 @@ def _write_points(mesh: bpy.types.Mesh, position: np.ndarray, attributes: Mappin
     for attribute_name, (kind, values) in attributes.items():
         dtype = {"INT": np.int32, "BOOLEAN": bool}.get(kind, np.float32)
         mesh.attributes[attribute_name].data.foreach_set(_WRITTEN[kind], np.ascontiguousarray(values, dtype).ravel())
-
-
-@dataclass(frozen=True)
-class EmptiedGroup:
-    """What the node group of a result was made of before its parts were taken out; see :func:`empty_group`."""
-
-    item: Reference
-    name: str
-    sources: tuple[Reference, ...]
-    classes: tuple[str, ...]
-    followed: tuple[tuple[Reference, int], ...]
-
-
-def empty_group(item: bpy.types.Object) -> EmptiedGroup | None:
-    """Take all parts out of a result's node group, and return what it was made of; None where it has no group that can be made anew.
-
-    Undo keeps a group as it is where the steps before and after it say the same of it. Parts that were made for it since are in
-    neither, and are freed: it must not lead to them then.
-    """
-    modifier = our_modifier(item)
-    group = modifier.node_group if modifier is not None else None
-    if group is None or not group.is_editable or not group.get(MADE_OF):
-        return None
-    sources, followed = placed_objects(group), followed_targets(group)
-    if any(source is None for source in sources) or any(one.target is None for one in followed):
-        return None
-    classes = ast.literal_eval(group[MADE_OF])[0]
-    kept = EmptiedGroup(
-        Reference(item, "result"),
-        item.get(NAME, group.name),
-        tuple(Reference(source, "source") for source in sources if source is not None),
-        tuple(classes),
-        tuple((Reference(one.target, "target"), one.vertices) for one in followed),
-    )
-    for node in _part_nodes(group):
-        node.node_tree = None
-    return kept
-
-
-def _part_nodes(group: bpy.types.NodeTree) -> list[bpy.types.Node]:
-    return [node for node in group.nodes if node.bl_idname == "GeometryNodeGroup"]
-
-
-def fill_group(kept: EmptiedGroup) -> None:
-    """Make the group of a result what it was before it was emptied, where that is still needed and there."""
-    item = kept.item.find()
-    modifier = our_modifier(item) if isinstance(item, bpy.types.Object) else None
-    if modifier is None or all(node.node_tree is not None for node in _part_nodes(modifier.node_group)):
-        return
-    sources = [source.find() for source in kept.sources]
-    followed = [Followed(target.find(), vertices) for target, vertices in kept.followed]
-    if any(source is None for source in sources) or any(one.target is None for one in followed):
-        # The next run makes it anew.
-        modifier.node_group[MADE_OF] = ""
-        return
-    _build_anew(modifier, kept.name, sources, kept.classes, followed)
 
 
 def rename_result(item: bpy.types.Object, name: str) -> None:

@@ -6,7 +6,7 @@ import bpy
 
 from . import words
 
-__all__ = ["area_unit", "in_scene_units", "length_text"]
+__all__ = ["area_unit", "in_scene_units", "length_text", "sentence"]
 
 # Between these lengths meters are told as such [m].
 SHORTEST, LONGEST = 0.01, 1000.0
@@ -54,6 +54,11 @@ def in_scene_units(scene: bpy.types.Scene, text: str) -> str:
         return (between or "").join(_area_text(scene, n) if square else length_text(scene, n) for n in numbers)
 
     return _MEASURED.sub(told, text)
+
+
+def sentence(error: Exception | str) -> str:
+    """Return what an error says as Blender's status line shows it, with lengths in the scene's units."""
+    return in_scene_units(bpy.context.scene, words.as_sentence(error))
 
 
 def _is_plain(scene: bpy.types.Scene) -> bool:

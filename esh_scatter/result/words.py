@@ -9,6 +9,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "UNBROKEN",
+    "as_sentence",
     "behind_rule",
     "cover",
     "evenness",
@@ -19,6 +20,7 @@ __all__ = [
     "overlaps",
     "placed",
     "summary",
+    "unevenness",
 ]
 
 # Coverage errors up to which a placement looks even. Independent random points have 0.31, Poisson disks 0.07. Crowds beside obstacles
@@ -42,16 +44,23 @@ def evenness_word(error: float) -> str:
     return "even" if error <= EVEN else "uneven"
 
 
+def unevenness(report: dict[str, Any]) -> float:
+    """Return the coverage error that tells how a placement looks.
+
+    Classes that mix are even together and not each alone, classes that do not are even alone; the better of the two counts.
+    """
+    return float(min(report["coverage_error"], max(entry["coverage_error"] for entry in report["classes"])))
+
+
 def evenness(report: dict[str, Any]) -> str:
     """Return how even a placement is, and where it is not: "uneven: Pine"; empty for a handful of bodies, and where no figure tells.
 
-    Classes that mix are even together and not each alone, classes that do not are even alone; the better of the two counts.
+    See :func:`unevenness`.
     """
     if placed(report) < FEWEST:
         return ""
     coarse = any(COARSE in note for note in report["notes"])
-    alone = max(entry["coverage_error"] for entry in report["classes"])
-    word = evenness_word(min(report["coverage_error"], alone))
+    word = evenness_word(unevenness(report))
     if word == "uneven" and coarse:
         return ""
     if word != "uneven" or len(report["classes"]) == 1:
@@ -127,6 +136,12 @@ def cover(found: Cover) -> str:
         share = f"{found.crowded:.0%}"
         return f"Too crowded in places: {share} of the objects go where more than {found.fits:.0%} of the ground would be covered"
     return ""
+
+
+def as_sentence(error: Exception | str) -> str:
+    """Return what an error says as a sentence of the sidebar: with a capital letter, without back quotes."""
+    text = str(error).replace("`", "")
+    return text[:1].upper() + text[1:]
 
 
 def behind_rule(message: str) -> str:

@@ -17,12 +17,13 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ...engine.errors import EshError
+from ..result.words import as_sentence
 from ..targets import checksums
 from ..targets.references import Reference
 from . import running
 
 if TYPE_CHECKING:
-    from ..result.result import EmptiedGroup
+    from ..result.emptied_group import EmptiedGroup
     from .job import ScatterJob
     from .live_worker import LiveWorker, Outcome
 
@@ -201,7 +202,7 @@ class _Live:
                 before = job_as_placed(result, places, positional, named)
         except EshError as error:
             self._told, self._record = made_with, record
-            self._say(_sentence(error))
+            self._say(as_sentence(error))
             return
         self._reading = time.thread_time() - start
         self._say("")
@@ -213,7 +214,7 @@ class _Live:
     def _show(self, context: bpy.types.Context, scatter: Scatter, outcome: Outcome) -> None:
         """Write what came out into the result."""
         if outcome.error is not None:
-            self._say(_sentence(outcome.error))
+            self._say(as_sentence(outcome.error))
             return
         job, placement = outcome.request.job, outcome.placement
         assert placement is not None
@@ -225,7 +226,7 @@ class _Live:
                 if any(group.session_uid not in groups for group in bpy.data.node_groups):
                     _with_new_groups[result.session_uid] = Reference(result, "result")
             except EshError as error:
-                self._say(_sentence(error))
+                self._say(as_sentence(error))
                 return
             self.seconds = time.perf_counter() - self._submitted_at
         report = placement.report.to_dict() if placement.report is not None else scatter.report
@@ -407,11 +408,6 @@ def _stroke() -> str | None:
     return None
 
 
-def _sentence(error: Exception) -> str:
-    text = str(error).replace("`", "")
-    return text[:1].upper() + text[1:]
-
-
 @persistent
 def _something_changed(_scene: object, depsgraph: bpy.types.Depsgraph | None = None) -> None:
     """Have the timer look: the depsgraph has news of what may be ours. It loops over nothing."""
@@ -423,7 +419,7 @@ def _something_changed(_scene: object, depsgraph: bpy.types.Depsgraph | None = N
 @persistent
 def _goes_back(*_arguments: object) -> None:
     """Before undo and redo nothing that stays may lead to groups that these free."""
-    from ..result.result import empty_group
+    from ..result.emptied_group import empty_group
 
     for uid, reference in list(_with_new_groups.items()):
         result = reference.find()
@@ -436,7 +432,7 @@ def _goes_back(*_arguments: object) -> None:
 @persistent
 def _went_back(*_arguments: object) -> None:
     """After undo and redo everything may be as it was before."""
-    from ..result.result import fill_group
+    from ..result.emptied_group import fill_group
 
     global _last_sign
     _last_sign = time.monotonic()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import threading
 import time
 from dataclasses import dataclass, replace
@@ -16,12 +17,16 @@ from ...engine.problem.surface import Surface
 from ...engine.quality.measurement import measure
 from ...engine.solver.solver import Progress, Solver
 from ..classes.survey import Survey
+from ..result.words import EVEN, unevenness
 
 if TYPE_CHECKING:
     from ..result.kept_ground import KeptPlaces
     from .job import ScatterJob
 
 __all__ = ["LiveWorker", "Outcome", "Request"]
+
+# What looks uneven after the few steps of an edit, and so many times as uneven as it was, takes as many steps as a run.
+MUCH_LESS_EVEN = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +87,8 @@ class LiveWorker:
         self._made: ScatterJob | None = None
         # Steps of an edit that a solver began with.
         self._edited = 0
+        # How uneven the last placement was that was measured.
+        self._unevenness = 0.0
         self.progress: Progress | None = None
         self._thread = threading.Thread(target=self._work, name="ESH Scatter live", daemon=True)
         self._thread.start()
@@ -149,28 +156,48 @@ class LiveWorker:
         job = request.job
         job.survey = self._survey
         job.prepare()
+        in_full = False
         if self._can_go_on(request):
             steps = self._edit(job)
         else:
+            self._unevenness = 0.0
             started = self._begin(request)
             self._made = job
             if started and request.ready_only:
                 return
             assert self._solver is not None
             steps = self._edited
-            if not steps:
+            in_full = not steps
+            if in_full:
                 steps, _ = self._solver.run(job.settings.max_steps, self._keep)
                 self._solver.separate(self._go_on, again=started)
         self._made = job
         assert self._solver is not None
-        placement = self._solver.placement()
+        before = self._unevenness
+        measured = self._show(request, job, steps, start)
+        if in_full or not measured or self._unevenness <= max(EVEN, MUCH_LESS_EVEN * before):
+            return
+        more, _ = self._solver.run(job.settings.max_steps, self._keep)
+        self._solver.separate(self._go_on, again=True)
+        if self._go_on():
+            # Somebody may be writing the one that was shown.
+            self._made = copy.copy(job)
+            self._show(request, self._made, steps + more, start)
+
+    def _show(self, request: Request, job: ScatterJob, steps: int, start: float) -> bool:
+        """Publish where bodies are, and their report once that is measured: False where somebody wants something else by then."""
+        assert self._solver is not None
+        request, placement = replace(request, job=job), self._solver.placement()
         job.stand(placement)
         self._publish(Outcome(request, placement, seconds=time.perf_counter() - start))
-        if self._waiting is None and not self._ended:
-            report = measure(placement, self._solver.launcher)
-            report = replace(report, steps=steps, converged=True, seconds=time.perf_counter() - start)
-            job.placement = replace(placement, report=report)
-            self._publish(Outcome(request, job.placement, seconds=report.seconds))
+        if not self._go_on():
+            return False
+        report = measure(placement, self._solver.launcher)
+        report = replace(report, steps=steps, converged=True, seconds=time.perf_counter() - start)
+        job.placement = replace(placement, report=report)
+        self._publish(Outcome(request, job.placement, seconds=report.seconds))
+        self._unevenness = unevenness(report.to_dict())
+        return True
 
     def _edit(self, job: ScatterJob) -> int:
         assert self._solver is not None

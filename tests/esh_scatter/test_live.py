@@ -99,6 +99,25 @@ def test_a_painted_image_is_followed_and_what_is_far_from_it_stays(scatter, foll
     assert not active().outdated and active().report["classes"][0]["sizes"][0]["placed"] == 200
 
 
+@pytest.mark.parametrize("even, steps", [(0.15, 5), (0.0, 45)])
+def test_what_looks_uneven_after_a_change_runs_on(scatter, follow, monkeypatch, even, steps):
+    from esh.esh_scatter.solving import live_worker
+
+    monkeypatch.setattr(live_worker, "EVEN", even)
+    monkeypatch.setattr(live_worker, "MUCH_LESS_EVEN", 1e-6)
+    switch_on(scatter, follow)
+    image = bpy.data.images["mask.png"]
+    pixels = np.empty(64 * 64 * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    pixels.reshape(64, 64, 4)[:, :32, :3] = 0.1
+    image.pixels.foreach_set(pixels)
+    follow()
+    assert active().report["steps"] == steps and not active().outdated
+    there, placed = points(), active().report["coverage_error"]
+    follow()
+    assert moved(there, points()).max() == 0.0 and placed < 0.1
+
+
 def test_a_stroke_is_followed_on_after_a_slow_moment_of_the_machine(scatter, monkeypatch, follow):
     """Other programs may have the processors while it is read; that says nothing of how long reading takes."""
     from esh.esh_scatter.solving.job import ScatterJob

@@ -163,8 +163,8 @@ def test_a_deleted_result_is_made_anew(scatter):
 
 def test_the_node_group_is_built_anew_only_for_other_things(scatter, monkeypatch):
     """To build it takes longer than all else that is written, and Live writes with every count that is dragged."""
-    built, build = [], writing._build_anew
-    monkeypatch.setattr(writing, "_build_anew", lambda *given: (built.append(1), build(*given)))
+    built, build = [], writing.set_node_group
+    monkeypatch.setattr(writing, "set_node_group", lambda *given: (built.append(1), build(*given)))
 
     def group():
         return next(m.node_group for m in scatter.result.modifiers if m.type == "NODES")

@@ -3,8 +3,12 @@
 import pytest
 
 bpy = pytest.importorskip("bpy")
-from esh.esh_scatter.operators.edit import sentence  # noqa: E402
-from esh.esh_scatter.result.scene_units import area_unit, in_scene_units, length_text  # noqa: E402
+from esh.esh_scatter.result.scene_units import (  # noqa: E402
+    area_unit,
+    in_scene_units,
+    length_text,
+    sentence,
+)
 
 SAID = (
     "1 body lies in obstacles, the deepest by 0.5 m; the domain is 2 by 1.5 m, and a dot 0.04 m² of 1,200 m², "

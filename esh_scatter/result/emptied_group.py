@@ -1,0 +1,71 @@
+"""Node groups of results beside undo, which frees parts that no step knows of: taken out before it, and made anew after it."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass
+
+import bpy
+
+from ..targets.references import Reference
+from .display import our_modifier
+from .node_group import MADE_OF, Followed, followed_targets, placed_objects
+from .result import NAME, set_node_group
+
+__all__ = ["EmptiedGroup", "empty_group", "fill_group"]
+
+
+@dataclass(frozen=True)
+class EmptiedGroup:
+    """What the node group of a result was made of before its parts were taken out; see :func:`empty_group`."""
+
+    item: Reference
+    name: str
+    sources: tuple[Reference, ...]
+    classes: tuple[str, ...]
+    followed: tuple[tuple[Reference, int], ...]
+
+
+def empty_group(item: bpy.types.Object) -> EmptiedGroup | None:
+    """Take all parts out of a result's node group, and return what it was made of; None where it has no group that can be made anew.
+
+    Undo keeps a group as it is where the steps before and after it say the same of it. Parts that were made for it since are in
+    neither, and are freed: it must not lead to them then.
+    """
+    modifier = our_modifier(item)
+    group = modifier.node_group if modifier is not None else None
+    if group is None or not group.is_editable or not group.get(MADE_OF):
+        return None
+    sources, followed = placed_objects(group), followed_targets(group)
+    if any(source is None for source in sources) or any(one.target is None for one in followed):
+        return None
+    classes = ast.literal_eval(group[MADE_OF])[0]
+    kept = EmptiedGroup(
+        Reference(item, "result"),
+        item.get(NAME, group.name),
+        tuple(Reference(source, "source") for source in sources if source is not None),
+        tuple(classes),
+        tuple((Reference(one.target, "target"), one.vertices) for one in followed),
+    )
+    for node in _part_nodes(group):
+        node.node_tree = None
+    return kept
+
+
+def fill_group(kept: EmptiedGroup) -> None:
+    """Make the group of a result what it was before it was emptied, where that is still needed and there."""
+    item = kept.item.find()
+    modifier = our_modifier(item) if isinstance(item, bpy.types.Object) else None
+    if modifier is None or all(node.node_tree is not None for node in _part_nodes(modifier.node_group)):
+        return
+    sources = [source.find() for source in kept.sources]
+    followed = [Followed(target.find(), vertices) for target, vertices in kept.followed]
+    if any(source is None for source in sources) or any(one.target is None for one in followed):
+        # The next run makes it anew.
+        modifier.node_group[MADE_OF] = ""
+        return
+    set_node_group(modifier, kept.name, sources, kept.classes, followed)
+
+
+def _part_nodes(group: bpy.types.NodeTree) -> list[bpy.types.Node]:
+    return [node for node in group.nodes if node.bl_idname == "GeometryNodeGroup"]
