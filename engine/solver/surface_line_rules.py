@@ -18,7 +18,11 @@ from .surface_places import cells_of
 __all__ = ["SurfaceLineRules"]
 
 # Edges of a density are looked at in cells of about so many spacings, each with those around it.
-CELL_OF_EDGES = 1.5
+CELL_OF_EDGES = 2.5
+# Points along the sides of tiles at which it is asked for.
+POINTS_OF_TILE = 3
+# Places whose spread along an axis is below this share of all of it have none along that.
+FLATTEST = 1e-3
 # Gradients over the density below this share of the steepest are no edge.
 FAINTEST_EDGE = 1e-3
 
@@ -106,41 +110,65 @@ def _along_edges(kind: LineKind, facets: Facets) -> np.ndarray:
     """Directions along the edges of a class's density: across the gradients in and around a cell of the surface."""
     if not kind.body_class.varies_on_surface:
         return np.zeros((facets.tile_count, 3))
-    facet, middle = facets.tiles(np.arange(facets.count))
-    normal = facets.normal[facet]
-    # The density a third of a tile off its middle, towards each of the facet's corners.
-    step = 1.0 / (3.0 * facets.cuts[facet][:, None])
-    values, places = [], []
-    for k in range(3):
-        weight = middle + step * (np.eye(3)[k] - 1.0 / 3.0)
-        points = facets.surface.points(*facets.in_triangle(facet, weight))
-        values.append(kind.body_class.density_on(points))
-        places.append(np.einsum("nk,nkd->nd", weight, facets.corner[facet]))
-    u, v = places[1] - places[0], places[2] - places[0]
-    du, dv = values[1] - values[0], values[2] - values[0]
-    uu, uv, vv = (u * u).sum(axis=1), (u * v).sum(axis=1), (v * v).sum(axis=1)
-    scale = 1.0 / np.maximum(uu * vv - uv**2, 1e-30)
-    gradient = ((vv * du - uv * dv) * scale)[:, None] * u + ((uu * dv - uv * du) * scale)[:, None] * v
-    tensor = gradient[:, :, None] * gradient[:, None, :] * facets.tile_area[:, None, None]
-    place = np.einsum("nk,nkd->nd", middle, facets.corner[facet])
+    facet, weight = facets.tiles(np.arange(facets.count), POINTS_OF_TILE)
+    value = kind.body_class.density_on(facets.surface.points(*facets.in_triangle(facet, weight)))
+    place = np.einsum("nk,nkd->nd", weight, facets.corner[facet])
+    normal = facets.normal[facet[:: POINTS_OF_TILE**2]]
+    moments = _moments(value.reshape(len(normal), -1), place.reshape(len(normal), -1, 3), facets.tile_area)
+    within = _gradients(moments)
+    steep = facets.tile_area[:, None] * (within[:, :, None] * within[:, None, :]).reshape(-1, 9)
+    middle = moments[:, 1:4] / moments[:, :1]
     # Every tile sees its own cell, and that of grids that are moved by half a cell along every axis.
-    total = np.zeros_like(tensor)
+    total = np.zeros((len(normal), 3, 3))
     for shift in range(8):
-        moved = place + 0.5 * CELL_OF_EDGES * np.array([shift & 1, shift >> 1 & 1, shift >> 2 & 1])
-        number, key = np.unique(cells_of(moved, normal, CELL_OF_EDGES), return_inverse=True)
-        summed = np.stack(
-            [np.bincount(key.ravel(), tensor[:, i, j], len(number)) for i in range(3) for j in range(3)], axis=1
-        )
-        area = np.bincount(key.ravel(), facets.tile_area, len(number))
-        total += (summed / area[:, None]).reshape(-1, 3, 3)[key.ravel()] / 8.0
+        moved = middle + 0.5 * CELL_OF_EDGES * np.array([shift & 1, shift >> 1 & 1, shift >> 2 & 1])
+        cell = np.unique(cells_of(moved, normal, CELL_OF_EDGES), return_inverse=True)[1].ravel()
+        # An edge that runs between tiles lies in none of them.
+        of_cells = _summed(moments, cell)
+        between = _gradients(of_cells)
+        tensor = (_summed(steep, cell) / _summed(facets.tile_area[:, None], cell)).reshape(-1, 3, 3)
+        total += (tensor + between[:, :, None] * between[:, None, :])[cell] / 8.0
     strength, vector = np.linalg.eigh(total)
     along = np.cross(normal, vector[:, :, 2])
     length = np.linalg.norm(along, axis=1, keepdims=True)
     steepest = strength[:, 2].max()
     if not steepest > 0.0:
         return np.zeros((facets.tile_count, 3))
-    weight = np.sqrt(np.clip(strength[:, 2] / steepest, 0.0, 1.0))
+    share = np.sqrt(np.clip(strength[:, 2] / steepest, 0.0, 1.0))
     # How much steeper it is across than along.
     coherent = (strength[:, 2] - strength[:, 1]) / np.maximum(strength[:, 2] + strength[:, 1], 1e-300)
-    weight = np.where(weight > math.sqrt(FAINTEST_EDGE), weight * coherent, 0.0)
-    return along / np.maximum(length, 1e-12) * weight[:, None]
+    share = np.where(share > math.sqrt(FAINTEST_EDGE), share * coherent, 0.0)
+    return along / np.maximum(length, 1e-12) * share[:, None]
+
+
+def _moments(value: np.ndarray, place: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """What gradients follow from, of values ``[tiles, points]`` at places ``[tiles, points, 3]``: sums that can be added up.
+
+    The area, place, value, place times place and place times value of every tile, shape ``[tiles, 17]``.
+    """
+    count = value.shape[1]
+    sums = [
+        np.full((len(value), 1), float(count)),
+        place.sum(axis=1),
+        value.sum(axis=1, keepdims=True),
+        np.einsum("npi,npj->nij", place, place).reshape(-1, 9),
+        np.einsum("npi,np->ni", place, value),
+    ]
+    return np.concatenate(sums, axis=1) * (area / count)[:, None]
+
+
+def _gradients(moments: np.ndarray) -> np.ndarray:
+    """Gradients of the planes that fit values best, shape ``[n, 3]``; see :func:`_moments`."""
+    mean = moments / np.maximum(moments[:, :1], 1e-300)
+    place, value = mean[:, 1:4], mean[:, 4]
+    spread = mean[:, 5:14].reshape(-1, 3, 3) - place[:, :, None] * place[:, None, :]
+    slope = mean[:, 14:] - place * value[:, None]
+    # Places lie in a plane, or nearly so: across that there is neither.
+    least = FLATTEST * np.trace(spread, axis1=1, axis2=2) + 1e-300
+    return np.linalg.solve(spread + least[:, None, None] * np.eye(3), slope[:, :, None])[:, :, 0]
+
+
+def _summed(values: np.ndarray, cell: np.ndarray) -> np.ndarray:
+    """Sums of rows over cells, which are numbered without gaps."""
+    count = int(cell.max()) + 1
+    return np.stack([np.bincount(cell, column, count) for column in values.T], axis=1)

@@ -216,6 +216,21 @@ def test_lines_bend_as_those_of_the_plane_do():
     assert bent.report.coverage_error < 1.3 * found[None].report.coverage_error
 
 
+@pytest.mark.parametrize("side", [2, 21])
+@pytest.mark.parametrize("step", [0.5, 0.513])
+def test_lines_run_along_the_steps_of_a_density(side, step):
+    """Between tiles and within them: a step has no gradient that could be measured at a point."""
+    length = (0.4 / 600 * 6) ** 0.5
+    problem = sticks(
+        square(side), "density", 600, length, length / 6, lambda points: 1.0 + 4.0 * (points.position[:, 0] > step)
+    )
+    placement = esh.solve(problem, device="cpu")
+    near = np.abs(placement.position[:, 0] - step) < 0.3 * length
+    assert near.sum() > 10
+    # Of lines that lie anyhow it is 0.64.
+    assert np.abs(placement.tangent[near, 0]).mean() < 0.15
+
+
 def test_lines_that_bend_lie_on_a_ball_as_a_whole():
     bending = {"charges": 7, "straightness": 0.1}
     placement = esh.solve(sticks(ball(), "slope", 60, 0.5, 0.02, bending=bending), **RUN)
