@@ -20,16 +20,22 @@ from ..problem.sides import Sides
 from ..problem.surface import PointsOnSurface, Surface
 from ..space.cell_sort import CellSort
 from . import kernels_heat
+from .split_triangles import split_triangles
 from .summaries import largest_by_kind, sum_of_squares
 
 __all__ = ["HeatMesh"]
 
-# Triangles along a mean spacing, and the most that there may be for every body, and beside the surface's own.
+# Triangles along a mean spacing, how much longer sides may be than triangles are on average, and the most triangles that there may be:
+# for every body, and whatever the number of these.
 PER_SPACING = 2.5
+LONGER = 1.5
 MOST_PER_BODY = 8
 FEWEST = 400_000
 # Detail that is finer than this share of a spacing need not spread fast: bounds the number of polynomials where triangles are slivers.
 FINEST = 1.0 / 12.0
+# Of slivers it may be this share, so that no larger share of the surface's area is too slow.
+SHORTEST = 1.0 / 100.0
+MOST_SLOWED = 0.01
 # Points that stand for a third of a small triangle each, by weights of its corners; how many are asked for a density at once.
 INNER = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
 POINTS_AT_ONCE = 1 << 20
@@ -52,41 +58,59 @@ class HeatMesh:
     def __init__(self, launcher: Launcher, surface: Surface, count: int) -> None:
         self._launcher, self._surface = launcher, surface
         self.spacing = math.sqrt(surface.area / count)
-        triangles = len(surface.triangle)
-        corner = surface.position[surface.triangle]
-        longest = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
-        # Large triangles take most of the area.
-        typical = float((longest * surface.triangle_area).sum() / surface.area)
-        most = math.sqrt(max(MOST_PER_BODY * count, FEWEST) / triangles)
-        cuts = max(1, min(math.ceil(PER_SPACING * typical / self.spacing), int(most)))
+        small = max(MOST_PER_BODY * count, FEWEST)
+        finest = self.spacing / PER_SPACING
+        typical = _typical_size(surface)
+        # Slivers are split along their length first: even parts of them would be far finer across than they are long.
+        self._triangles = split_triangles(surface, LONGER * max(typical, finest), small)
+        triangles = len(self._triangles)
+        cuts = max(1, min(math.ceil(typical / finest), int(math.sqrt(small / triangles))))
         self._steps, self._pattern = _cut_evenly(cuts)
-        self._cut, self._count = _vertices_of(launcher, surface.sides, self._steps, self._pattern)
+        self._cut, self._count = _vertices_of(launcher, self._triangles.sides, self._steps, self._pattern)
         n, corners = self._count, triangles * self._pattern.size
-        stiffness = self._stiffness(corner, corners)
-        # A vertex that slivers tie fast to its neighbors is as slow as the finest detail that matters.
-        fastest = 4.0 / (FINEST * self.spacing) ** 2
-        self._area, self._root, bound = (launcher.empty(n, wp.float64) for _ in range(3))
+        stiffness = self._stiffness(self._triangles.corner, corners)
+        self._area, self._root, rate, bound = (launcher.empty(n, wp.float64) for _ in range(4))
+        inputs = [self._cut, stiffness]
+        launcher.launch(
+            kernels_heat.sum_at_vertices, n, inputs, [self._area, self._root, rate], grain=GRAIN_OF_NEIGHBORS
+        )
+        fastest = self._fastest(rate)
+        column, value = launcher.empty(2 * corners, wp.int32), launcher.empty(2 * corners, float)
         diagonal = launcher.empty(n, float)
         launcher.launch(
-            kernels_heat.sum_at_vertices,
+            kernels_heat.fill_operator,
             n,
-            [self._cut, stiffness, fastest],
-            [self._area, self._root, diagonal, bound],
+            [*inputs, self._root, fastest],
+            [column, value, diagonal, bound],
             grain=GRAIN_OF_NEIGHBORS,
         )
         alike = launcher.alike(of_all(np.int32(0), n), wp.int32)
         self._largest = float(largest_by_kind(launcher, bound, alike, 1)[0])
-        column, value = launcher.empty(2 * corners, wp.int32), launcher.empty(2 * corners, float)
-        inputs = [self._cut, stiffness, self._root]
-        launcher.launch(kernels_heat.fill_operator, n, inputs, [column, value], grain=GRAIN_OF_NEIGHBORS)
         self._operator = [stiffness.start, column, value, diagonal]
+
+    def _fastest(self, rate: wp.array) -> float:
+        """How fast heat is to spread across a side over the mass of the lighter of its ends at most [1/m²].
+
+        Sides that are shorter than the finest detail that matters are as slow as those, for there would be too many polynomials. Where
+        slivers lie beside slivers heat is too slow then, so that they may take more of them, if they are a part of the surface that
+        counts.
+        """
+        slowest, shortest = (0.5 / (detail * self.spacing) ** 2 for detail in (FINEST, SHORTEST))
+        values = rate.numpy()
+        fast = np.flatnonzero(values > 4.0 * slowest)
+        if not len(fast):
+            return slowest
+        order = fast[np.argsort(-values[fast])]
+        share = np.cumsum(self._area.numpy()[order]) / self._surface.area
+        needed = values[order[min(int(np.searchsorted(share, MOST_SLOWED)), len(order) - 1)]]
+        return float(np.clip(0.25 * needed, slowest, shortest))
 
     def _stiffness(self, corner: np.ndarray, corners: int) -> kernels_heat.Stiffness:
         """The Laplacian of so many corners of small triangles as kernels take it."""
         launcher = self._launcher
         stiffness = kernels_heat.Stiffness()
         stiffness.cotangent = launcher.array(_half_cotangents(corner), wp.vec3d)
-        stiffness.area = launcher.array(self._surface.triangle_area / len(self._pattern) / 3.0, wp.float64)
+        stiffness.area = launcher.array(self._triangles.area / len(self._pattern) / 3.0, wp.float64)
         sort = CellSort(launcher, corners, self._count)
         sort.sort(kernels_heat.find_vertices, [self._cut])
         stiffness.order, stiffness.start = sort.order, sort.cell_start
@@ -104,6 +128,10 @@ class HeatMesh:
             What every vertex gets, ``wp.float64``.
         """
         launcher, count = self._launcher, len(charge)
+        if not self._triangles.is_whole:
+            place, weight = self._triangles.locate(triangle.numpy().astype(np.int64), barycentric.numpy())
+            triangle = launcher.array(place.astype(np.int32), wp.int32)
+            barycentric = launcher.array(weight, wp.vec3d)
         vertex, amount = launcher.empty(3 * count, wp.int32), launcher.empty(3 * count, wp.float64)
         inputs = [triangle, barycentric, launcher.alike(charge, wp.float64), self._cut]
         launcher.launch(kernels_heat.share_out, count, inputs, [vertex, amount])
@@ -122,14 +150,16 @@ class HeatMesh:
         if density is None:
             return self.mixed([self._area], [1.0 / self._surface.area])
         small = len(self._pattern)
-        area = self._surface.triangle_area / small
+        area = self._triangles.area / small
         share = np.zeros(self._count)
         weight = (INNER @ (self._steps[self._pattern] / self._cut.cuts)).reshape(-1, 3)
         face = self._cut.vertex.numpy().reshape(len(area), -1)[:, self._pattern]
         at_once = max(1, POINTS_AT_ONCE // len(weight))
         for first in range(0, len(area), at_once):
             own = np.arange(first, min(first + at_once, len(area)))
-            points = self._surface.points(np.repeat(own, len(weight)), np.tile(weight, (len(own), 1)))
+            points = self._surface.points(
+                *self._triangles.points(np.repeat(own, len(weight)), np.tile(weight, (len(own), 1)))
+            )
             values = density(points).reshape(len(own), small, 3) * (area[own] / 3.0)[:, None, None]
             share += np.bincount(face[own].ravel(), (values @ INNER).ravel(), len(share))
         return self._launcher.array(share / share.sum(), wp.float64)
@@ -167,6 +197,14 @@ class HeatMesh:
             launch(kernels_heat.chebyshev_step, n, [*self._operator, scale, now, factor], [before, result])
             before, now = now, before
         return result
+
+
+def _typical_size(surface: Surface) -> float:
+    """How large the triangles of a surface are on average over its area [m]: their longest sides, of slivers twice the heights."""
+    corner = surface.position[surface.triangle]
+    longest = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
+    height = 2.0 * surface.triangle_area / np.maximum(longest, 1e-300)
+    return float((np.minimum(longest, 2.0 * height) * surface.triangle_area).sum() / surface.area)
 
 
 def _cut_evenly(cuts: int) -> tuple[np.ndarray, np.ndarray]:

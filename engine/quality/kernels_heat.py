@@ -8,6 +8,9 @@ from .kernels_sheets import on_one_sheet
 
 wp.set_module_options({"enable_backward": False})
 
+# Of a vertex of triangles without an area.
+SMALLEST_MASS = wp.constant(wp.float64(1.0e-300))
+
 
 @wp.struct
 class Cut:
@@ -114,34 +117,43 @@ def sum_at_vertices(
     first: int,
     cut: Cut,
     stiffness: Stiffness,
-    fastest: wp.float64,
     # outputs
     area: wp.array(dtype=wp.float64),
     root: wp.array(dtype=wp.float64),
-    diagonal: wp.array(dtype=float),
-    bound: wp.array(dtype=wp.float64),
+    rate: wp.array(dtype=wp.float64),
 ):
-    """Area that every vertex stands for, the root of its mass, the operator's diagonal, and what no row of this exceeds.
-
-    Of the Laplacian over the masses. No mass is so small that heat would spread faster than ``fastest``.
-    """
+    """Area that every vertex stands for, which is its mass, the root of that, and how fast heat leaves it at most."""
     i = first + wp.tid()
     total = wp.float64(0.0)
-    own = wp.float64(0.0)
-    others = wp.float64(0.0)
+    leaves = wp.float64(0.0)
     for s in range(stiffness.start[i], stiffness.start[i + 1]):
         k = stiffness.order[s] % 3
         triangle = stiffness.order[s] / 3 / cut.small
         total += stiffness.area[triangle]
-        one = stiffness.cotangent[triangle][(k + 1) % 3]
-        other = stiffness.cotangent[triangle][(k + 2) % 3]
-        own += one + other
-        others += wp.abs(one) + wp.abs(other)
-    mass = wp.max(total, (own + others) / fastest)
+        for step in range(2):
+            leaves += wp.abs(stiffness.cotangent[triangle][(k + 1 + step) % 3])
+    mass = wp.max(total, SMALLEST_MASS)
     area[i] = total
     root[i] = wp.sqrt(mass)
-    diagonal[i] = wp.float32(own / mass)
-    bound[i] = (own + others) / mass
+    rate[i] = leaves / mass
+
+
+@wp.func
+def limited(
+    triangle: int, begin: int, cut: Cut, stiffness: Stiffness, root: wp.array(dtype=wp.float64), fastest: wp.float64
+):
+    """Half the cotangents at the corners ``begin`` to ``begin + 2`` of a small triangle, none above what its sides may have."""
+    half = stiffness.cotangent[triangle]
+    for k in range(3):
+        lighter = wp.min(root[vertex_at(begin + (k + 1) % 3, cut)], root[vertex_at(begin + (k + 2) % 3, cut)])
+        half[k] = wp.min(half[k], fastest * lighter * lighter)
+    for k in range(3):
+        if half[k] < wp.float64(0.0):
+            # An obtuse angle takes back some of the other two: no more than there is.
+            one = half[(k + 1) % 3]
+            other = half[(k + 2) % 3]
+            half[k] = wp.max(half[k], -one * other / (one + other))
+    return half
 
 
 @wp.kernel
@@ -150,22 +162,35 @@ def fill_operator(
     cut: Cut,
     stiffness: Stiffness,
     root: wp.array(dtype=wp.float64),
+    fastest: wp.float64,
     # outputs
     column: wp.array(dtype=wp.int32),
     value: wp.array(dtype=float),
+    diagonal: wp.array(dtype=float),
+    bound: wp.array(dtype=wp.float64),
 ):
-    """What is beside the diagonal, over the roots of both masses: two entries for every corner, those of a vertex side by side."""
+    """The Laplacian over the roots of both masses, and what no row of it exceeds.
+
+    Beside the diagonal there are two entries for every corner, those of a vertex side by side. Across no side heat spreads faster than
+    ``fastest`` allows: with the masses as they are it still ends where it ought to.
+    """
     i = first + wp.tid()
+    own = wp.float64(0.0)
+    others = wp.float64(0.0)
     for s in range(stiffness.start[i], stiffness.start[i + 1]):
         corner = stiffness.order[s]
         k = corner % 3
-        triangle = corner / 3 / cut.small
+        halves = limited(corner / 3 / cut.small, corner - k, cut, stiffness, root, fastest)
         for step in range(2):
             # The angle that counts for a side lies opposite of it.
             other = vertex_at(corner - k + (k + 1 + step) % 3, cut)
-            half = stiffness.cotangent[triangle][(k + 2 - step) % 3]
+            half = halves[(k + 2 - step) % 3]
+            own += half
+            others += wp.abs(half)
             column[2 * s + step] = other
             value[2 * s + step] = wp.float32(-half / (root[i] * root[other]))
+    diagonal[i] = wp.float32(own / (root[i] * root[i]))
+    bound[i] = (own + others) / (root[i] * root[i])
 
 
 @wp.kernel
@@ -306,6 +331,7 @@ def nearest_distance(
     grid: wp.uint64,
     position: wp.array(dtype=wp.vec3),
     normal: wp.array(dtype=wp.vec3d),
+    sheet: wp.array(dtype=wp.int32),
     reach: float,
     # outputs
     distance: wp.array(dtype=float),
@@ -317,7 +343,7 @@ def nearest_distance(
     query = wp.hash_grid_query(grid, own, reach)
     j = int(0)
     while wp.hash_grid_query_next(query, j):
-        if j != i:
+        if j != i and sheet[j] == sheet[i]:
             way = position[j] - own
             away = wp.length(way)
             if away < least:

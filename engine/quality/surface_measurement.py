@@ -10,12 +10,14 @@ import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.cover import ground_on_surface
+from ..problem.of_bodies import of_all
 from ..problem.placement import Placement
 from ..problem.surface import Surface
 from . import kernels_heat
 from .bodies_on_surface import BodiesOnSurface, bodies_on_surface
 from .heat import HeatMesh
 from .overlaps import Overlaps, find_overlaps_on_surface
+from .sheets import sheets_of
 from .spacing import HEXAGONAL_SPACING
 from .summaries import least_and_number, median_of_least
 
@@ -100,11 +102,16 @@ def _spacing(placement: Placement, bodies: BodiesOnSurface, launcher: Launcher) 
     position = bodies.in_units(launcher, unit)
     grid = wp.HashGrid(CELLS, CELLS, CELLS, device=launcher.device)
     grid.build(position, NEIGHBORS)
+    of_triangle = sheets_of(surface, n)
+    one_sheet = of_triangle.min() == of_triangle.max()
+    sheet = launcher.alike(
+        of_all(np.int32(0), n) if one_sheet else of_triangle[points.triangle].astype(np.int32), wp.int32
+    )
     distance = launcher.empty(n, float)
     launcher.launch(
         kernels_heat.nearest_distance,
         n,
-        [grid.id, position, bodies.normal, NEIGHBORS],
+        [grid.id, position, bodies.normal, sheet, NEIGHBORS],
         [distance],
         grain=GRAIN_OF_NEIGHBORS,
     )

@@ -1,0 +1,233 @@
+"""Triangles of a surface, split across their long sides until none of these is longer than asked for: slivers become short."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from ..problem.sides import Sides, sides_of
+from ..problem.surface import Surface
+
+__all__ = ["SplitTriangles", "split_triangles"]
+
+# The three ways to halve sides of a triangle, for one side, two and three: corners of the parts. 0 to 2 are the corners of the whole,
+# 3 to 5 the middles of the sides opposite of them. Of one the side is opposite of corner 0, of two the others are halved.
+ONE = ((0, 1, 3), (0, 3, 2))
+TWO = ((0, 5, 4), (5, 1, 4), (1, 2, 4))
+THREE = ((0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5))
+# Weights of a triangle's corners at its corners and at the middles of its sides.
+PLACES = np.concatenate([np.eye(3), 0.5 * (1.0 - np.eye(3))])
+# Parts around the one where a point is looked for first that may hold it instead.
+PARTS_AROUND = 3
+# Where there would be too many triangles sides may be so much longer.
+LONGER = 1.5
+
+
+class _Pass(NamedTuple):
+    """What a pass makes of triangles.
+
+    Where the parts of each begin, and how many there are; places of the parts' corners in the whole, shape ``[parts, 3, 3]``; and the
+    corner from which parts follow each other, -1 where there are few in any order.
+    """
+
+    first: np.ndarray
+    count: np.ndarray
+    weight: np.ndarray
+    apex: np.ndarray
+
+    @property
+    def parent(self) -> np.ndarray:
+        """What every part is a part of."""
+        return np.repeat(np.arange(len(self.count)), self.count)
+
+    def locate(self, triangle: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Parts that points lie in, and weights of their corners, of points given by the wholes."""
+        apex, count, rows = self.apex[triangle], self.count[triangle], np.arange(len(triangle))
+        ahead = np.where(apex < 0, 0.0, 1.0 - weight[rows, apex])
+        guess = (ahead * count).astype(np.int64)
+        back = np.linalg.inv(self.weight)
+        least, part, inside = np.full(len(triangle), -np.inf), np.zeros_like(triangle), np.zeros_like(weight)
+        for step in range(-PARTS_AROUND, PARTS_AROUND + 1):
+            tried = self.first[triangle] + np.clip(guess + step, 0, count - 1)
+            found = np.einsum("nk,nkd->nd", weight, back[tried])
+            better = found.min(axis=1) > least
+            least = np.where(better, found.min(axis=1), least)
+            part, inside = np.where(better, tried, part), np.where(better[:, None], found, inside)
+        # Rounding may have left a side.
+        inside = np.maximum(inside, 0.0)
+        return part, inside / inside.sum(axis=1, keepdims=True)
+
+
+@dataclass(frozen=True, eq=False)
+class SplitTriangles:
+    """Triangles of a surface, and what they are parts of.
+
+    Attributes:
+        corner: Their corners [m], shape ``[t, 3, 3]``.
+        area: Their areas [m²], shape ``[t]``.
+        sides: Their sides.
+        origin: The surface's triangle that each is a part of, shape ``[t]``.
+        weight: Weights of the corners of that at their corners, shape ``[t, 3, 3]``.
+    """
+
+    corner: np.ndarray
+    area: np.ndarray
+    sides: Sides
+    origin: np.ndarray
+    weight: np.ndarray
+    _passes: tuple[_Pass, ...] = field(default=(), repr=False)
+
+    def __len__(self) -> int:
+        return len(self.origin)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether nothing was split."""
+        return not self._passes
+
+    def points(self, triangle: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return triangles of the surface, and weights of their corners, of points given by triangles here and weights of theirs."""
+        if self.is_whole:
+            return triangle, weight
+        return self.origin[triangle], np.einsum("nk,nkd->nd", weight, self.weight[triangle])
+
+    def locate(self, triangle: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the same the other way round."""
+        for one in self._passes:
+            triangle, weight = one.locate(triangle, weight)
+        return triangle, weight
+
+    def _after(self, one: _Pass, vertex: np.ndarray) -> SplitTriangles:
+        """What a pass makes of them; ``vertex`` are those of its parts."""
+        weight = np.einsum("tkc,tcd->tkd", one.weight, self.weight[one.parent])
+        corner = np.einsum("tkc,tcd->tkd", one.weight, self.corner[one.parent])
+        area = self.area[one.parent] * np.abs(np.linalg.det(one.weight))
+        return SplitTriangles(corner, area, sides_of(vertex), self.origin[one.parent], weight, (*self._passes, one))
+
+
+def split_triangles(surface: Surface, longest: float, most: int) -> SplitTriangles:
+    """Split triangles until no side is longer than asked for.
+
+    Neighbors are split at the same points, so that the parts have whole sides in common, as the triangles had. Whatever is large all
+    around is cut in halves and again. Slivers, one side of which is short, are cut across, once, into as many parts as they need: in
+    halves they would become as narrow as they get short.
+
+    Args:
+        surface: The surface.
+        longest: Length of a side [m].
+        most: How many triangles there may be; sides may be longer where there would be more.
+    """
+    corner = surface.position[surface.triangle]
+    whole = np.broadcast_to(np.eye(3), corner.shape)
+    result = SplitTriangles(corner, surface.triangle_area, surface.sides, np.arange(len(corner)), whole)
+    while True:
+        is_large = (_lengths(result) > longest).all(axis=1)
+        # By its number, so that both triangles of a side agree on it.
+        is_halved = np.zeros(len(result.sides.count), bool)
+        is_halved[result.sides.number.reshape(-1, 3)[is_large]] = True
+        halved = is_halved[result.sides.number].reshape(-1, 3)
+        if not halved.any() or len(result) + int(halved.sum()) > most:
+            break
+        result = result._after(*_in_halves(halved, result.sides, is_halved))
+    parts = np.ones(len(result.sides.count), np.int64)
+    while True:
+        # Sides that are one are as long, but for rounding.
+        np.maximum.at(parts, result.sides.number, np.ceil(_lengths(result).ravel() / longest).astype(np.int64))
+        of_sides = parts[result.sides.number].reshape(-1, 3)
+        of_sides[of_sides.min(axis=1) > 1] = 1
+        if int(of_sides.sum()) - 2 * len(result) <= most:
+            break
+        longest, parts = LONGER * longest, np.ones_like(parts)
+    return result if of_sides.max() == 1 else result._after(*_across(parts, result.sides))
+
+
+def _lengths(triangles: SplitTriangles) -> np.ndarray:
+    """Lengths of sides [m], shape ``[t, 3]``."""
+    side = np.roll(triangles.corner, -2, axis=1) - np.roll(triangles.corner, -1, axis=1)
+    return np.sqrt(np.einsum("tkd,tkd->tk", side, side))
+
+
+def _in_halves(halved: np.ndarray, sides: Sides, is_halved: np.ndarray) -> tuple[_Pass, np.ndarray]:
+    """Cut triangles whose sides are ``halved``, shape ``[t, 3]``: the pass, and the vertices of every part."""
+    middle = _vertex_count(sides) - 1 + np.cumsum(is_halved)
+    place = np.concatenate([_vertices(sides), middle[sides.number].reshape(-1, 3)], axis=1)
+    number = halved.sum(axis=1)
+    count = number + 1
+    first = np.cumsum(count) - count
+    weight, vertex = np.empty((int(count.sum()), 3, 3)), np.empty((int(count.sum()), 3), np.int64)
+    for halves, parts in enumerate((((0, 1, 2),), ONE, TWO, THREE)):
+        for turn in range(3):
+            # Turned so that the side that is alone in being halved, or in not being so, is opposite of the first corner.
+            alone = halved[:, turn] == (halves == 1) if halves in (1, 2) else np.full(len(halved), turn == 0)
+            own = np.flatnonzero((number == halves) & alone)
+            turned = np.concatenate([np.roll(np.arange(3), -turn), 3 + np.roll(np.arange(3), -turn)])
+            for k, part in enumerate(parts):
+                at = turned[list(part)]
+                weight[first[own] + k] = PLACES[at]
+                vertex[first[own] + k] = place[own][:, at]
+    return _Pass(first, count, weight, np.full(len(halved), -1)), vertex
+
+
+def _across(parts: np.ndarray, sides: Sides) -> tuple[_Pass, np.ndarray]:
+    """Cut triangles across, whose sides are divided into so many ``parts`` by their numbers: the pass, and the parts' vertices.
+
+    One side at least of each is whole.
+    """
+    corner = _vertices(sides)
+    of_sides = parts[sides.number].reshape(-1, 3)
+    apex = np.argmin(of_sides, axis=1)
+    rows = np.arange(len(corner))
+    left, right = of_sides[rows, (apex + 2) % 3], of_sides[rows, (apex + 1) % 3]
+    count = left + right - 1
+    first = np.cumsum(count) - count
+    # Points within sides are counted from the end with the lower number.
+    inner = _vertex_count(sides) + np.cumsum(parts - 1) - (parts - 1)
+    weight, vertex = np.empty((int(count.sum()), 3, 3)), np.empty((int(count.sum()), 3), np.int64)
+    number = sides.number.reshape(-1, 3)
+    for key in np.unique(left * (int(parts.max()) + 1) + right).tolist():
+        p, q = divmod(key, int(parts.max()) + 1)
+        for turn in range(3):
+            own = np.flatnonzero((left == p) & (right == q) & (apex == turn))
+            one, other = (turn + 1) % 3, (turn + 2) % 3
+            # Along the sides from the apex to its two neighbors.
+            along_left = _along(corner[own, turn], corner[own, one], inner[number[own, other]], p)
+            along_right = _along(corner[own, turn], corner[own, other], inner[number[own, one]], q)
+            at = np.concatenate([along_left, along_right], axis=1)
+            places = np.zeros((p + q + 2, 3))
+            places[: p + 1, one], places[p + 1 :, other] = np.arange(p + 1) / p, np.arange(q + 1) / q
+            places[:, turn] = 1.0 - places.sum(axis=1)
+            pattern = _zipped(p, q)
+            to = first[own][:, None] + np.arange(len(pattern))
+            weight[to], vertex[to] = places[pattern], at[:, pattern]
+    return _Pass(first, count, weight, np.where(count > 1, apex, -1)), vertex
+
+
+def _along(start: np.ndarray, end: np.ndarray, inner: np.ndarray, parts: int) -> np.ndarray:
+    """Vertices along sides, both ends among them, shape ``[n, parts + 1]``; the first within each has the number ``inner``."""
+    step = np.arange(1, parts)
+    within = inner[:, None] + np.where((start < end)[:, None], step - 1, parts - 1 - step)
+    return np.concatenate([start[:, None], within, end[:, None]], axis=1)
+
+
+def _zipped(left: int, right: int) -> np.ndarray:
+    """Triangles between two rows of points that begin at one, of ``left + 1`` and ``right + 1``, numbered one after the other."""
+    i, j, pattern = 1, 1, [(0, 1, left + 2)]
+    while i < left or j < right:
+        if j == right or (i < left and (i + 1) * right <= (j + 1) * left):
+            pattern.append((i, i + 1, left + 1 + j))
+            i += 1
+        else:
+            pattern.append((i, left + 2 + j, left + 1 + j))
+            j += 1
+    return np.array(pattern)
+
+
+def _vertices(sides: Sides) -> np.ndarray:
+    """Numbers of the triangles' vertices, shape ``[t, 3]``."""
+    return np.roll(sides.start.reshape(-1, 3), 1, axis=1)
+
+
+def _vertex_count(sides: Sides) -> int:
+    return int(max(sides.start.max(), sides.end.max())) + 1
