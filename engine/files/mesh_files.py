@@ -56,10 +56,13 @@ def _surface_mesh(part: Any, name: str) -> SurfaceMesh:
         key: np.asarray(values) for key, values in part.vertex_attributes.items() if _is_numbers(values, count)
     }
     raw = part.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
-    if raw is not None and len(raw) == count:
-        for key in raw.dtype.names or ():
-            if key not in "xyz" and key not in attributes and _is_numbers(raw[key], count):
-                attributes[key] = np.asarray(raw[key])
+    if raw is not None:
+        # A table of a file in binary, columns of one in text: these may be tables one number wide.
+        for key in raw.dtype.names or () if isinstance(raw, np.ndarray) else raw:
+            values = np.asarray(raw[key])
+            values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
+            if key not in "xyz" and key not in attributes and _is_numbers(values, count):
+                attributes[key] = values
     visual = part.visual
     if getattr(visual, "kind", None) == "vertex":
         attributes.setdefault(COLOR, np.asarray(visual.vertex_colors)[:, :3] / 255.0)

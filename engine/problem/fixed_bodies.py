@@ -13,6 +13,7 @@ from ..errors import ProblemError
 from . import validation
 from .domain import Domain
 from .footprints import Footprints
+from .nearest_on_triangles import nearest_in
 from .prepared_class import PreparedClass
 from .settings import Setting, Settings, as_given, described, same_setting, setting, settings_of, settle
 from .surface import Surface
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 __all__ = ["FixedBodies", "FixedBody", "FixedTable", "Origin", "WrongBodyError", "fixed_table"]
 
+# Weights of a triangle's corners may be so far below 0, and their sum so far from 1.
+ROUNDED_WEIGHT = 1e-3
 # A class or a size: by its name, or by its index.
 Label = str | int
 # What stands for a value that is not said, where there may be one for each body.
@@ -251,7 +254,11 @@ class FixedBodies(Settings):
     )
     barycentric: np.ndarray | None = field(
         default=None,
-        metadata=setting("Weights of this triangle's corners", more="Shape ``[m, 3]``", check=_check_weights),
+        metadata=setting(
+            "Weights of this triangle's corners",
+            more="Shape ``[m, 3]``. NaN or None: where the triangle is nearest to the position",
+            check=_check_weights,
+        ),
     )
     # What sentences about them begin with; only readers of files know it.
     origin: ClassVar[Origin | None] = None
@@ -265,7 +272,7 @@ class FixedBodies(Settings):
             value = getattr(self, name)
             settle(self, **{name: _each(np.array(not_said) if value is None else value, m, self._key(name))})
         if self.barycentric is None:
-            settle(self, barycentric=np.full((m, 3), 1.0 / 3.0))
+            settle(self, barycentric=np.full((m, 3), np.nan))
         elif len(self.barycentric) != m:
             raise ProblemError(
                 f"{self._key('barycentric')} must have shape [{m}, 3]; got shape {list(self.barycentric.shape)}"
@@ -510,9 +517,8 @@ def _positions(
     mesh = np.concatenate([np.asarray(part.mesh) for part in parts])
     triangle = np.concatenate([np.asarray(part.triangle) for part in parts])
     barycentric = np.concatenate([np.asarray(part.barycentric) for part in parts])
-    known = np.flatnonzero(triangle >= 0)
-    if isinstance(domain, Surface) and len(known):
-        position[known] = domain.locate(mesh[known], triangle[known], barycentric[known]).position
+    if isinstance(domain, Surface):
+        position, barycentric = _on_triangles(parts, domain, position, mesh, triangle, barycentric)
     if isinstance(domain, Domain):
         outside = np.flatnonzero(((position < 0.0) | (position > np.array(domain.size))).any(axis=1))
         if len(outside):
@@ -520,6 +526,43 @@ def _positions(
             said = f"must lie inside the domain, {extent}; got {show(position[outside[0]])}"
             raise _wrong(parts, outside[0], "position", said)
     return position, (mesh, triangle, barycentric)
+
+
+def _on_triangles(
+    parts: Sequence[FixedBodies],
+    surface: Surface,
+    position: np.ndarray,
+    mesh: np.ndarray,
+    triangle: np.ndarray,
+    barycentric: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Bring bodies whose triangles are known onto these: positions, and weights of the triangles' corners."""
+    known = np.flatnonzero(triangle >= 0)
+    wrong = surface.wrong_triangle(mesh[known], triangle[known])
+    if wrong is not None:
+        name, row, said = wrong
+        raise _wrong(parts, int(known[row]), name, said)
+    weight, free = barycentric[known], np.isnan(barycentric[known]).all(axis=1)
+    off = np.abs(weight.sum(axis=1) - 1.0)
+    is_none = ~free & ~((weight >= -ROUNDED_WEIGHT).all(axis=1) & (off <= ROUNDED_WEIGHT))
+    if is_none.any():
+        row = int(np.argmax(is_none))
+        said = f"must be three numbers of 0 or more whose sum is 1; got {show(weight[row])}"
+        raise _wrong(parts, int(known[row]), "barycentric", said)
+    third = np.full((len(known), 3), 1.0 / 3.0)
+    corner = surface.position[surface.triangle[surface.locate(mesh[known], triangle[known], third).triangle]]
+    for row in np.flatnonzero(free).tolist():
+        nearest = nearest_in(corner[row : row + 1], position[known[row]])
+        on_mesh = surface.locate(mesh[known[[row]]], triangle[known[[row]]], nearest)
+        # It may be turned round there, and back.
+        weight[row] = on_mesh.barycentric[0]
+    weight = np.maximum(weight, 0.0)
+    total = weight.sum(axis=1, keepdims=True)
+    result = np.full_like(barycentric, 1.0 / 3.0)
+    # What was written by us is taken as it is.
+    result[known] = np.where(np.abs(total - 1.0) > 1e-12, weight / total, weight)
+    position[known] = surface.locate(mesh[known], triangle[known], result[known]).position
+    return position, result
 
 
 def _parts(given: object) -> tuple[object, ...]:

@@ -362,35 +362,13 @@ def _told_places(surface: Surface, obstacle: Obstacle) -> tuple[np.ndarray, np.n
     """The same for an obstacle that says on which triangles it is."""
     position = np.asarray(obstacle.position)
     mesh, triangle = np.asarray(obstacle.mesh), np.asarray(obstacle.triangle)
-    _check_triangles(surface, mesh, triangle)
+    wrong = surface.wrong_triangle(mesh, triangle)
+    if wrong is not None:
+        raise ProblemError(f"`obstacle.{wrong[0]}` {wrong[2]}")
     third = np.full((len(position), 3), 1.0 / 3.0)
     own = surface.locate(mesh, triangle, third).triangle
     weight = np.maximum(corner_weights(surface.position[surface.triangle[own]], position), 0.0)
     return own, weight / weight.sum(axis=1, keepdims=True)
-
-
-def _check_triangles(surface: Surface, mesh: np.ndarray, triangle: np.ndarray) -> None:
-    """Raise ProblemError for a mesh that a surface does not have, or a triangle that this does not have."""
-    meshes = surface.meshes
-    assert isinstance(meshes, tuple)
-    count = np.array([len(one.triangles) for one in meshes])
-    if mesh.min() < 0 or mesh.max() >= len(count):
-        got = int(mesh.min() if mesh.min() < 0 else mesh.max())
-        raise ProblemError(
-            f"`obstacle.mesh` must be below {len(count)}, the number of meshes of the surface; got {got}"
-        )
-    below, beyond = triangle < 0, triangle >= count[mesh]
-    if below.any():
-        k = int(np.argmax(below))
-        raise ProblemError(
-            f"`obstacle.triangle` must be a triangle of mesh {mesh[k]}, from 0 on; got {int(triangle[k])}"
-        )
-    if beyond.any():
-        k = int(np.argmax(beyond))
-        raise ProblemError(
-            f"`obstacle.triangle` must be below {count[mesh[k]]}, the number of triangles of mesh {mesh[k]}; got "
-            f"{int(triangle[k])}"
-        )
 
 
 def distance_from_outline(place: np.ndarray, corners: np.ndarray) -> np.ndarray:

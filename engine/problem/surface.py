@@ -230,6 +230,37 @@ class Surface:
             own = np.searchsorted(self.source, own)
         return self.points(own, self._turned_round(own, barycentric))
 
+    def wrong_triangle(self, mesh: np.ndarray, triangle: np.ndarray) -> tuple[str, int, str] | None:
+        """Tell which of some triangles of meshes is none that bodies can be on; None where all are.
+
+        Returns:
+            What is wrong of it, ``"mesh"`` or ``"triangle"``; its index; and what must hold, to follow on that.
+        """
+        meshes = self.meshes
+        assert isinstance(meshes, tuple)
+        count = np.array([len(one.triangles) for one in meshes])
+        no_mesh = (mesh < 0) | (mesh >= len(count))
+        if no_mesh.any():
+            k = int(np.argmax(no_mesh))
+            return "mesh", k, f"must be below {len(count)}, the number of meshes of the surface; got {int(mesh[k])}"
+        below, beyond = triangle < 0, triangle >= count[mesh]
+        if below.any():
+            k = int(np.argmax(below))
+            return "triangle", k, f"must be a triangle of mesh {mesh[k]}, from 0 on; got {int(triangle[k])}"
+        if beyond.any():
+            k = int(np.argmax(beyond))
+            said = f"must be below {count[mesh[k]]}, the number of triangles of mesh {mesh[k]}; got {int(triangle[k])}"
+            return "triangle", k, said
+        flat = np.isin(self._first_triangles[mesh] + triangle, self.source, invert=True)
+        if flat.any():
+            k = int(np.argmax(flat))
+            return (
+                "triangle",
+                k,
+                f"must be a triangle with an area; got {int(triangle[k])} of mesh {mesh[k]}, which has none",
+            )
+        return None
+
     @property
     def _first_triangles(self) -> np.ndarray:
         """Number of the first triangle of every mesh, counted through all of them, and at the end how many there are."""

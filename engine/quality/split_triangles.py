@@ -33,18 +33,18 @@ class _Pass(NamedTuple):
     """
 
     first: np.ndarray
-    count: np.ndarray
+    number: np.ndarray
     weight: np.ndarray
     apex: np.ndarray
 
     @property
     def parent(self) -> np.ndarray:
         """What every part is a part of."""
-        return np.repeat(np.arange(len(self.count)), self.count)
+        return np.repeat(np.arange(len(self.number)), self.number)
 
     def locate(self, triangle: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Parts that points lie in, and weights of their corners, of points given by the wholes."""
-        apex, count, rows = self.apex[triangle], self.count[triangle], np.arange(len(triangle))
+        apex, count, rows = self.apex[triangle], self.number[triangle], np.arange(len(triangle))
         ahead = np.where(apex < 0, 0.0, 1.0 - weight[rows, apex])
         guess = (ahead * count).astype(np.int64)
         back = np.linalg.inv(self.weight)

@@ -25,8 +25,8 @@ Target = bpy.types.Object | bpy.types.Collection | Sequence[bpy.types.Object]
 
 # A target is one that is seen from above if its upper side has this share of its area: what a raster of it leaves of a hilly terrain.
 UPPER_SIDE = 0.98
-# From this weight or value on a face is chosen.
-CHOSEN = 0.5
+# Above this weight or value a face is chosen; what rounding adds does not count.
+CHOSEN, ROUNDED = 0.5, 1e-6
 
 
 class Targets:
@@ -179,7 +179,7 @@ def _chosen(
     middle = SurfacePoints(_Faces(mesh), np.arange(count), np.full((count, 3), 1.0 / 3.0, np.float32), np.empty((0, 3)))
     values = read(middle, name, f"`{key}`")
     mean = np.bincount(mesh.face, values) / np.maximum(np.bincount(mesh.face), 1)
-    chosen = part_of_mesh(mesh, (mean > CHOSEN)[mesh.face])
+    chosen = part_of_mesh(mesh, (mean > CHOSEN + ROUNDED)[mesh.face])
     if not len(chosen.triangle):
         raise ProblemError(f'`{key}` must leave faces of {mesh.name}; "{name}" is above {CHOSEN:g} on none of them')
     return chosen

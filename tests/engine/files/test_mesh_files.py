@@ -169,3 +169,12 @@ def test_a_surface_and_a_domain_exclude_each_other_and_surfaces_are_not_written(
     path.write_text(path.read_text().replace("[surface]", "[domain]\nsize = [1.0, 1.0]\n[surface]"))
     with pytest.raises(InputFileError, match=r"`domain` cannot be combined with \[surface\]"):
         read_recipe(path)
+
+
+@pytest.mark.parametrize("encoding", ["binary", "ascii"])
+def test_properties_of_ply_files_are_read_as_numbers_and_as_text(tmp_path, encoding):
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    ball.vertex_attributes["moss"] = ball.vertices[:, 2].astype(np.float32)
+    (tmp_path / "ball.ply").write_bytes(trimesh.exchange.ply.export_ply(ball, encoding=encoding))
+    (mesh,) = read_meshes(tmp_path / "ball.ply")
+    np.testing.assert_allclose(mesh.attributes["moss"], mesh.vertices[:, 2], atol=1e-6)

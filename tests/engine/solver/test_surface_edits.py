@@ -210,3 +210,34 @@ def test_what_has_no_meaning_on_a_surface_is_said():
         )
     with pytest.raises(EshError, match=r"`obstacle.ball` must be x, y, z and a radius above 0, in meters; got"):
         esh.Obstacle(ball=(0, 0, 0, -1))
+
+
+@pytest.mark.parametrize(
+    ("named", "said"),
+    [
+        ({"triangle": 99999}, "`fixed.triangle` must be below 1280, the number of triangles of mesh 0; got 99999"),
+        ({"triangle": 0, "mesh": 4}, "`fixed.mesh` must be below 1, the number of meshes of the surface; got 4"),
+        ({"triangle": 0, "barycentric": [[5, 0, 0]]}, "three numbers of 0 or more whose sum is 1; got .5.0, 0.0, 0.0."),
+        ({"triangle": 0, "barycentric": [[np.nan, 0, 0]]}, "three numbers of 0 or more whose sum is 1; got .nan"),
+    ],
+)
+def test_triangles_of_fixed_bodies_that_are_none_are_told(named, said):
+    with pytest.raises(EshError, match=said):
+        problem(20, fixed=esh.FixedBodies([[0, 0, 1.0]], **named))
+
+
+def test_a_fixed_body_on_a_triangle_lies_where_that_is_nearest_to_its_position():
+    triangle = 7
+    middle = BALL.vertices[BALL.faces[triangle]].mean(axis=0)
+    place = 0.9 * middle + 0.1 * BALL.vertices[BALL.faces[triangle][0]]
+    after = esh.solve(problem(20, fixed=esh.FixedBodies([1.01 * place], triangle=triangle)), **RUN)
+    assert after.triangle[after.fixed].tolist() == [triangle]
+    np.testing.assert_allclose(after.position[after.fixed], [place], atol=2e-3)
+
+
+def test_a_triangle_without_an_area_holds_no_body():
+    faces = np.concatenate([BALL.faces, [[0, 0, 1]]])
+    surface = esh.Surface(esh.SurfaceMesh(BALL.vertices, faces))
+    classes = [esh.BodyClass("moss", [esh.Size("tuft", 0.004, 20)])]
+    with pytest.raises(EshError, match="must be a triangle with an area; got 1280 of mesh 0, which has none"):
+        esh.Problem(surface, classes, fixed=esh.FixedBodies([[0, 0, 1.0]], triangle=1280))
