@@ -20,6 +20,10 @@ DIRECTIONS = 720
 LONGEST_DOT = 2.5
 # An object's origin is near the middle of its outline where the outline reaches at most so many times as far from it.
 NEAR_MIDDLE = 1.15
+# What takes less of the ground than this share of the square of its length stands upright: rounding has turned it a little.
+UPRIGHT = 1e-5
+# Sides of the polygon around a disc.
+SIDES_OF_DISC = 16
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,7 @@ class Outline:
         center: Middle of that rectangle, from the object's origin [m].
         corners: Corners of its convex hull, from the object's origin [m], counter-clockwise, shape ``[k, 2]``.
         lowest: Height of its lowest point above the object's origin [m].
+        is_around: Whether no face looks up, as of a card with grass on it: the outline is the smallest disc about the middle then.
     """
 
     area: float
@@ -43,6 +48,7 @@ class Outline:
     center: tuple[float, float]
     corners: tuple[tuple[float, float], ...] = ()
     lowest: float = 0.0
+    is_around: bool = False
 
     @property
     def is_long(self) -> bool:
@@ -75,15 +81,16 @@ class Outline:
             (factor * x, factor * y),
             corners,
             factor * self.lowest,
+            self.is_around,
         )
 
 
 def outline_from_above(mesh: TriangleMesh) -> Outline:
-    """Measure the outline of a mesh; an area of 0 where all its faces stand upright."""
+    """Measure the outline of a mesh: where all its faces stand upright, that of a disc around it; an area of 0 where it is a line."""
     view = TopView(mesh)
     size = view.high[:2] - view.low[:2]
-    if not size.min() > 0.0:
-        return Outline(0.0, float(size.max()), 0.0, 0.0, (0.0, 0.0))
+    if not size.min() > UPRIGHT * size.max():
+        return _disc_around(mesh)
     columns, rows = np.maximum(np.ceil(size / size.max() * RESOLUTION).astype(int), 16)
     step = size / [columns, rows]
     x = view.low[0] + (np.arange(columns) + 0.5) * step[0]
@@ -91,8 +98,8 @@ def outline_from_above(mesh: TriangleMesh) -> Outline:
     xy = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     hit = (view.cast(xy)[0] >= 0).reshape(rows, columns)
     area = float(hit.mean() * size.prod())
-    if area <= 0.0:
-        return Outline(0.0, float(size.max()), 0.0, 0.0, (0.0, 0.0))
+    if area <= UPRIGHT * size.max() ** 2:
+        return _disc_around(mesh)
     # The outermost cells of every row hold all corners of the convex hull.
     filled = np.flatnonzero(hit.any(axis=1))
     left = hit[filled].argmax(axis=1)
@@ -119,4 +126,23 @@ def outline_from_above(mesh: TriangleMesh) -> Outline:
         (float(center[0]), float(center[1])),
         tuple(map(tuple, convex_hull(used[:, :2]).tolist())),
         float(used[:, 2].min()),
+    )
+
+
+def _disc_around(mesh: TriangleMesh) -> Outline:
+    """The outline of a disc about the middle of a mesh, as wide as that is."""
+    position = mesh.position[np.unique(mesh.triangle)]
+    middle = 0.5 * (position[:, :2].min(axis=0) + position[:, :2].max(axis=0)) if len(position) else np.zeros(2)
+    radius = float(np.hypot(*(position[:, :2] - middle).T).max(initial=0.0))
+    angle = np.arange(SIDES_OF_DISC) * (2.0 * np.pi / SIDES_OF_DISC)
+    corners = middle + radius / np.cos(np.pi / SIDES_OF_DISC) * np.column_stack([np.cos(angle), np.sin(angle)])
+    return Outline(
+        np.pi * radius**2,
+        2.0 * radius,
+        2.0 * radius,
+        0.0,
+        (float(middle[0]), float(middle[1])),
+        tuple(map(tuple, corners.tolist())),
+        float(position[:, 2].min(initial=0.0)) if len(position) else 0.0,
+        is_around=True,
     )

@@ -36,7 +36,7 @@ def measure_footprint(
         key: How sentences name what was asked for.
 
     Raises:
-        ProblemError: It has no faces, or all of them stand upright.
+        ProblemError: It has no faces, or they are upright lines seen from above.
     """
     if not isinstance(item, bpy.types.Object | bpy.types.Collection):
         raise ProblemError(f"`item` must be an object or a collection; got {show(item)}")
@@ -104,7 +104,7 @@ def outline_of(mesh: TriangleMesh, key: str) -> Outline:
     """Return the outline of what :func:`read_source` has read; touches nothing of Blender.
 
     Raises:
-        ProblemError: All of its faces stand upright.
+        ProblemError: Seen from above it is a point.
     """
     found = outline_from_above(mesh)
     if not 0.0 < found.area < np.inf:

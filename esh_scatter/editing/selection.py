@@ -28,8 +28,6 @@ __all__ = ["Measured", "SelectionSurvey", "add_classes", "measure", "pleasant_co
 
 # An object of which more than this share is below its origin has it in its middle, as new shapes have, and not at its foot.
 BELOW_ORIGIN = 0.35
-# Directions in which it is looked how wide something is.
-DIRECTIONS = 16
 
 
 class Measured(NamedTuple):
@@ -40,14 +38,12 @@ class Measured(NamedTuple):
         area: Ground that one takes [m²].
         upright: Whether it is taller than it is wide, as a tree is and a plank is not.
         stand_on: What of it touches the ground: its lowest point where its origin is in the middle of it, or else the origin.
-        as_disc: Whether the area is that of a disc around it, since its faces stand upright, as those of a card with grass on it.
     """
 
     item: bpy.types.Object | bpy.types.Collection
     area: float
     upright: bool
     stand_on: str
-    as_disc: bool = False
 
 
 def measure(
@@ -68,24 +64,18 @@ def measure(
         try:
             outline = outline_of(mesh, "`area`")
         except ProblemError:
-            outline = None
-        one = _measured(item, mesh, outline)
-        measured += [one] if one is not None else []
-        flat += [item.name] if one is None else []
+            flat.append(item.name)
+            continue
+        measured.append(_measured(item, mesh, outline))
     return measured, flat
 
 
-def _measured(
-    item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh, outline: Outline | None
-) -> Measured | None:
-    """Return what is known of something with or without an outline; None where it takes no ground at all."""
-    height, stand_on = float(np.ptp(mesh.position[:, 2])), _stand_on(item, mesh, bpy.context)
-    if outline is not None:
-        return Measured(item, outline.area, height > max(outline.length, outline.width), stand_on)
-    angle = np.arange(DIRECTIONS) * (math.pi / DIRECTIONS)
-    across = float(np.ptp(mesh.position[:, :2] @ np.stack([np.cos(angle), np.sin(angle)]), axis=0).max())
+def _measured(item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh, outline: Outline) -> Measured:
+    """Return what is known of something that takes ground."""
+    height = float(np.ptp(mesh.position[:, 2]))
     # Cards with grass on them stand, however wide they are.
-    return Measured(item, 0.25 * math.pi * across**2, True, stand_on, as_disc=True) if across > 0.0 else None
+    stands = outline.is_around or height > max(outline.length, outline.width)
+    return Measured(item, outline.area, stands, _stand_on(item, mesh, bpy.context))
 
 
 class SelectionSurvey:
@@ -149,9 +139,10 @@ class SelectionSurvey:
             item = reference.find()
             if item is None:
                 continue
-            one = None if mesh is None else _measured(item, mesh, outline)
-            found += [one] if one is not None else []
-            flat += [item.name] if one is None else []
+            if mesh is None or outline is None:
+                flat.append(item.name)
+            else:
+                found.append(_measured(item, mesh, outline))
         return found, flat
 
 
@@ -210,8 +201,6 @@ def add_classes(scatter: ESH_PG_scatter, measured: Sequence[Measured], counts: S
         size = body_class.sizes[0]
         size.count = count
         size.place(one.item)
-        if one.as_disc:
-            size.area_kind, size.area = "VALUE", one.area
         # Trees stand upright; what lies, lies on the slope.
         body_class.align_to_normal = 0.0 if one.upright else 1.0
         body_class.stand_on = one.stand_on

@@ -58,9 +58,27 @@ def test_cylinder_and_a_ring_whose_hole_is_free():
     assert area() == pytest.approx(math.pi * (2.5**2 - 1.5**2), rel=0.01)
 
 
-def test_what_stands_upright_takes_no_ground():
-    bpy.ops.mesh.primitive_plane_add(rotation=(math.pi / 2, 0, 0.5))
-    with pytest.raises(EshError, match="Plane"):
+def test_what_stands_upright_takes_the_ground_of_a_disc_around_it():
+    bpy.ops.mesh.primitive_plane_add(size=0.6, rotation=(math.pi / 2, 0, 0.5))
+    for vertex in bpy.context.object.data.vertices:
+        vertex.co.x += 0.3
+    found = footprint()
+    assert found.is_around and not found.is_long
+    assert found.area == pytest.approx(math.pi * 0.3**2, rel=1e-5)
+    assert found.center == pytest.approx((0.3 * math.cos(0.5), 0.3 * math.sin(0.5)), abs=1e-6)
+    assert [math.hypot(x - found.center[0], y - found.center[1]) for x, y in found.corners] == pytest.approx(
+        len(found.corners) * [0.3 / math.cos(math.pi / 16)]
+    )
+    assert found.lowest == pytest.approx(-0.3)
+
+
+def test_what_stands_upright_as_a_line_takes_no_ground():
+    mesh = bpy.data.meshes.new("Line")
+    mesh.from_pydata([(0, 0, 0), (0, 0, 1), (0, 0, 2)], [], [(0, 1, 2)])
+    item = bpy.data.objects.new("Line", mesh)
+    bpy.context.scene.collection.objects.link(item)
+    bpy.context.view_layer.objects.active = item
+    with pytest.raises(EshError, match="Line"):
         area()
 
 

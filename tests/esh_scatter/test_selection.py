@@ -96,14 +96,20 @@ def test_a_card_with_grass_on_it_stands_upright_and_takes_the_ground_of_a_disc_a
     scatter = bpy.context.scene.esh_scatter.active
     (body_class,) = scatter.classes
     size = body_class.sizes[0]
-    assert (size.area_kind, body_class.align_to_normal, scatter.report["overlaps"]) == ("VALUE", 0.0, 0)
-    assert size.area == pytest.approx(math.pi * 0.25**2, rel=0.01)
+    assert (size.area_kind, body_class.align_to_normal, scatter.report["overlaps"]) == ("MESH", 0.0, 0)
     place = np.array([vertex.co for vertex in scatter.result.data.vertices])
     gap = np.linalg.norm(place[:, None] - place[None], axis=-1)[~np.eye(len(place), dtype=bool)]
     assert len(place) == 50 and gap.min() > 0.49
     counted = scatter.classes[0].count
     assert bpy.ops.esh.classes_from_selection(count=7) == {"FINISHED"}
-    assert [(c.count, c.sizes[0].area_kind) for c in scatter.classes] == [(counted, "VALUE"), (7, "VALUE")]
+    assert [(c.count, c.sizes[0].area_kind) for c in scatter.classes] == [(counted, "MESH"), (7, "MESH")]
+    # As one of several, too.
+    cards = bpy.data.collections.new("Cards")
+    bpy.context.scene.collection.children.link(cards)
+    for one in (card, box("Stone", 0.3, 0.3, 0.2)):
+        cards.objects.link(one)
+    size.source_kind, size.source_collection = "COLLECTION", cards
+    assert bpy.ops.esh.scatter() == {"FINISHED"} and scatter.report["overlaps"] == 0
 
 
 @pytest.mark.parametrize(("below", "stand_on"), [(0.0, "ORIGIN"), (0.5, "ORIGIN"), (1.5, "LOWEST"), (-0.5, "ORIGIN")])
