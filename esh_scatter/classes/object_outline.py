@@ -10,7 +10,7 @@ from ...engine.problem.validation import show
 from ...engine.surface.mesh_outline import Outline, outline_from_above
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ..targets.evaluated_mesh import evaluated_mesh
-from ..targets.target import check_exists, members_of, origin_of, read_triangles, with_shown, world_matrix
+from ..targets.target import check_exists, origin_of, read_triangles, shown_members_of, with_shown, world_matrix
 from .shown_geometry import is_shown_as_it_is, realized, repeats_by
 
 __all__ = ["NoFacesError", "measure_footprint", "outline_of", "read_source"]
@@ -74,7 +74,7 @@ def read_source(item: bpy.types.Object | bpy.types.Collection, context: bpy.type
 
 def _read_as_one(collection: bpy.types.Collection, context: bpy.types.Context, key: str) -> TriangleMesh:
     parts, origin = [], origin_of(collection, context)
-    for item in members_of(collection):
+    for item in shown_members_of(collection):
         matrix = world_matrix(item, context)
         matrix[:3, 3] -= origin
         try:

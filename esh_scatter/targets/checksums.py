@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 
 from .evaluated_mesh import evaluated_mesh
-from .target import members_of, origin_of, shown_collection, world_matrix
+from .target import origin_of, shown_collection, shown_members_of, world_matrix
 
 __all__ = [
     "at_most",
@@ -128,7 +128,7 @@ def of_members(members: Sequence[bpy.types.Object]) -> int:
 def of_collection(collection: bpy.types.Collection) -> int:
     """Return the number of a collection that is placed as one: its objects, and where these are about its origin."""
     origin = origin_of(collection, bpy.context)
-    members = members_of(collection)
+    members = shown_members_of(collection)
     places = [world_matrix(item, bpy.context)[:3, 3] - origin for item in members]
     return zlib.crc32((np.round(np.array(places), DECIMALS) + 0.0).tobytes(), of_members(members))
 

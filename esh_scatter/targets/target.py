@@ -29,6 +29,7 @@ __all__ = [
     "read_target",
     "read_triangles",
     "shown_collection",
+    "shown_members_of",
     "with_shown",
     "world_matrix",
 ]
@@ -56,6 +57,15 @@ def members_of(source: bpy.types.Object | bpy.types.Collection | None) -> list[b
         return []
     items = source.all_objects if isinstance(source, bpy.types.Collection) else [source]
     return sorted((item for item in items if _can_be_instanced(item)), key=lambda item: item.name_full)
+
+
+def shown_members_of(collection: bpy.types.Collection) -> list[bpy.types.Object]:
+    """Return those of a collection's members that instances of it show in a render, or all where that shows none.
+
+    What else there is beside a model, as meshes that it collides with, is hidden from renders.
+    """
+    members = members_of(collection)
+    return [item for item in members if not item.hide_render] or members
 
 
 def head_of(item: bpy.types.Object | bpy.types.Collection) -> bpy.types.Object | None:
@@ -97,7 +107,7 @@ def _corners(
         return np.array(item.bound_box) @ matrix[:3, :3].T + matrix[:3, 3]
     offset = np.eye(4)
     offset[:3, 3] = -np.array(together.instance_offset)
-    parts = [_corners(one, matrix @ offset, context) for one in members_of(together)]
+    parts = [_corners(one, matrix @ offset, context) for one in shown_members_of(together)]
     return np.concatenate(parts) if parts else np.empty((0, 3))
 
 

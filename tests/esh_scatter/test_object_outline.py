@@ -8,6 +8,7 @@ bpy = pytest.importorskip("bpy")
 
 from esh.engine.errors import EshError  # noqa: E402
 from esh.esh_scatter.classes.object_outline import measure_footprint  # noqa: E402
+from esh.esh_scatter.targets import checksums  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -86,3 +87,20 @@ def test_what_is_no_object_is_a_sentence():
     for item in (None, "Cube", bpy.context.scene):
         with pytest.raises(EshError, match="`item` must be an object or a collection"):
             measure_footprint(item)
+
+
+def test_what_is_hidden_from_renders_beside_a_model_takes_no_ground():
+    """A box that it collides with, for example; of what is hidden as a whole all counts."""
+    asset = bpy.data.collections.new("Asset")
+    bpy.context.scene.collection.children.link(asset)
+    for size in (1.0, 3.0):
+        bpy.ops.mesh.primitive_cube_add(size=size)
+        asset.objects.link(bpy.context.object)
+    model, box = asset.objects
+    assert measure_footprint(asset).area == pytest.approx(9.0, rel=0.01)
+    before = checksums.of_collection(asset)
+    box.hide_render = True
+    assert measure_footprint(asset).area == pytest.approx(1.0, rel=0.01)
+    assert checksums.of_collection(asset) != before
+    model.hide_render = True
+    assert measure_footprint(asset).area == pytest.approx(9.0, rel=0.01)
