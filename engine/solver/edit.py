@@ -285,20 +285,47 @@ def _nearest(points: np.ndarray, position: np.ndarray, problem: Problem, cells: 
     # Axis by axis: along rows of two numbers NumPy is several times slower.
     away = sum((position[:, axis].take(found, mode="clip") - points[:, axis, None]) ** 2 for axis in (0, 1))
     away[found < 0] = np.inf
-    ranked = np.take_along_axis(found, np.argsort(away, axis=1, kind="stable"), axis=1).tolist()
-    free = [True] * len(position)
-    chosen = []
-    for of_point in ranked:
-        for candidate in of_point:
-            if candidate >= 0 and free[candidate]:
-                free[candidate] = False
-                chosen.append(candidate)
-                break
-    if len(chosen) < count:
+    # Each row by distance; couples of equal distance as they were found.
+    ranked = np.take_along_axis(found, np.argsort(away, axis=1, kind="stable"), axis=1)
+    chosen = _first_come(ranked, len(position))
+    missed = np.flatnonzero(chosen < 0)
+    if len(missed):
         # Points far from all bodies.
+        free = np.ones(len(position), bool)
+        free[chosen[chosen >= 0]] = False
         left = np.flatnonzero(free)
-        chosen += left[np.linspace(0, len(left) - 1, count - len(chosen)).astype(int)].tolist()
-    return np.array(chosen)
+        chosen = np.concatenate(
+            [chosen[chosen >= 0], left[np.linspace(0, len(left) - 1, len(missed)).astype(np.int64)]]
+        )
+    return chosen
+
+
+def _first_come(ranked: np.ndarray, count: int) -> np.ndarray:
+    """What every row gets of its candidates, the best first, where each goes to the first row that wants it; -1 where nothing is left.
+
+    Args:
+        ranked: Candidates of every row, shape ``[n, k]``, below ``count``; those below 0 are none.
+        count: How many candidates there are.
+    """
+    rows = len(ranked)
+    result, next_one = np.full(rows, -1, np.int64), np.zeros(rows, np.int64)
+    # All ask at once, and who is turned away asks for the next: whoever comes first gets it in the end, in whatever order they ask.
+    holder = np.full(count, rows, np.int64)
+    asking = np.arange(rows)
+    while len(asking):
+        wanted = ranked[asking, next_one[asking]]
+        next_one[asking] += 1
+        real = wanted >= 0
+        candidate, row = wanted[real], asking[real]
+        before = holder[candidate]
+        np.minimum.at(holder, candidate, row)
+        won = holder[candidate] == row
+        displaced = before[won]
+        result[displaced[displaced < rows]] = -1
+        result[row[won]] = candidate[won]
+        again = np.concatenate([asking[~real], row[~won], displaced[displaced < rows]])
+        asking = again[next_one[again] < ranked.shape[1]]
+    return result
 
 
 def carry_lines(old: Model, state: State, model: Model, new_state: State, carried: CarriedOver) -> None:

@@ -69,8 +69,6 @@ OVERFLOW = (
 EDIT_STEPS = 5
 FEWEST_SETTLING, MOST_SETTLING = 6, 16
 BODIES_TO_SETTLE = 80_000
-# Identities up to so many times the number of bodies are told apart by a table.
-MOST_PER_BODY = 16
 # An edit that makes so many times more or fewer charges gets another unit of length.
 MOST_GROWTH = 1.5
 # Steps on a GPU between two looks at how far bodies still move, where nobody wants to hear of each.
@@ -313,22 +311,25 @@ class Solver:
         check_memory(problem)
         with self.launcher.phase("set-up"):
             if isinstance(self.descent, SurfaceDescent):
-                model = self._edit_on_surface(problem, self.descent)
+                model, source = self._edit_on_surface(problem, self.descent)
             else:
-                model = self._edit_in_rectangle(problem, self.descent, settles=steps > 0)
+                model, source = self._edit_in_rectangle(problem, self.descent, settles=steps > 0)
         self._next_identity = max(self._next_identity, int(model.body.identity.max()) + 1)
         if steps:
             self.step(steps)
         self.separate(again=True)
-        old, new = before.body.identity, model.body.identity
-        return Edit(_only_in_first(new, old), _only_in_first(old, new), steps)
+        is_new, gone = source < 0, np.ones(before.body_count, bool)
+        gone[source[~is_new]] = False
+        return Edit(np.sort(model.body.identity[is_new]), np.sort(before.body.identity[gone]), steps)
 
-    def _edit_on_surface(self, problem: Problem, descent: SurfaceDescent) -> Model:
+    def _edit_on_surface(self, problem: Problem, descent: SurfaceDescent) -> tuple[Model, np.ndarray]:
+        """The model after an edit, which the descent is of now; and which body of the one before each was, -1 for new ones."""
         before, old = self.model, descent.state
         model = Model(problem)
         points = points_of(self.launcher, descent.facets, old)
         self._spreads += 1
         rng = np.random.default_rng([problem.seed, 4, self._spreads])
+        source = np.full(model.body_count, -1, np.int64)
 
         def start(new: SurfaceDescent) -> None:
             carried, spots = carry_over_on_surface(
@@ -336,12 +337,14 @@ class Solver:
             )
             model.carry(before, carried)
             new.take_over(carried.source, spots, before, old)
+            source[:] = carried.source
 
         self.launcher.release(descent.step)
         self.model, self.descent = model, SurfaceDescent(model, self.launcher, start)
-        return model
+        return model, source
 
-    def _edit_in_rectangle(self, problem: Problem, before_edit: Descent, *, settles: bool) -> Model:
+    def _edit_in_rectangle(self, problem: Problem, before_edit: Descent, *, settles: bool) -> tuple[Model, np.ndarray]:
+        """The same in the plane; bodies near those that came and went settle where they are to."""
         before = self.model
         ratio = problem.charge_count / before.charge_count
         model = Model(problem, unit=before.unit if 1.0 / MOST_GROWTH < ratio < MOST_GROWTH else None)
@@ -358,7 +361,7 @@ class Solver:
         if settles:
             steps = min(max(BODIES_TO_SETTLE // model.body_count, FEWEST_SETTLING), MOST_SETTLING)
             settle_near(descent, carried.changes / model.unit, steps)
-        return model
+        return model, carried.source
 
     @property
     def state(self) -> State | SurfaceState:
@@ -669,17 +672,6 @@ class Solver:
         if self._border is not None:
             return self._cut_position().position
         return self.descent.positions()
-
-
-def _only_in_first(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Identities that only the first holds, rising; in either there is each once."""
-    largest = max(int(one.max(initial=0)), int(other.max(initial=0)))
-    if largest > MOST_PER_BODY * len(one):
-        # To look for repetitions as well takes newer NumPy seconds.
-        return np.sort(np.setdiff1d(one, other, assume_unique=True))
-    in_other = np.zeros(largest + 1, bool)
-    in_other[other] = True
-    return np.sort(one[~in_other[one]])
 
 
 def _carried_poses(old: Model, before: State, model: Model, carried: CarriedOver) -> np.ndarray:
