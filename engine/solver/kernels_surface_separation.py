@@ -729,6 +729,7 @@ def spot_around(i: int, share: float, state: wp.uint32, crowd: SurfaceCrowd):
 def propose_places_on_surface(
     first: int,
     stuck: wp.array(dtype=wp.int32),
+    lanes: int,
     candidates: int,
     seed: int,
     pool: Pool,
@@ -741,22 +742,29 @@ def propose_places_on_surface(
     weight: wp.array(dtype=wp.vec2),
     axis: wp.array(dtype=wp.vec3),
     cost: wp.array(dtype=float),
+    distance: wp.array(dtype=float),
 ):
-    """Where a stuck body overlaps the least, or the nearest place where it does not: facet, weights; and its squared overlaps there.
+    """Where a stuck body overlaps the least, or the nearest place where it does not: facet, weights; squared overlaps, and how far.
 
-    Places are those of a pool, and as many around it, where the gaps may be narrower than the pool is dense. Who may turn is turned at
-    random; a line that prefers a direction lies there as it lies to that here. -1: none is better than to lie in what cannot give way.
+    Places are those of a pool, and as many around it, where the gaps may be narrower than the pool is dense. So many ``lanes`` share
+    them, each finds the best of its own. Who may turn is turned at random; a line that prefers a direction lies there as it lies to
+    that here. -1: none is better than to lie in what cannot give way.
     """
     q = first + wp.tid()
-    i = stuck[q]
+    lane = q % lanes
+    i = stuck[q / lanes]
     outlines = crowd.outlines
     ground = crowd.ground
     body = outlines.body[i]
     support = bodies.support[body]
     begin = pool.start[support]
     count = pool.start[support + 1] - begin
-    state = wp.rand_init(seed, i)
-    along_curve = wp.randi(state, 0, wp.max(count, 1))
+    # Where it begins along the pool is the same for all lanes.
+    drawn = wp.rand_init(seed, i)
+    along_curve = wp.randi(drawn, 0, wp.max(count, 1))
+    state = drawn
+    if lane > 0:
+        state = wp.rand_init(seed + lane, i)
     own = crowd.position[i]
     led = turn_from_preferred(i, bodies, preferred, crowd)
     least = float(PINNED_COST)
@@ -764,12 +772,12 @@ def propose_places_on_surface(
     best = int(-1)
     best_weight = crowd.weight[i]
     best_axis = crowd.along[i]
-    for candidate in range(wp.min(candidates, count)):
+    for candidate in range(lane, wp.min(candidates, count), lanes):
         at = begin + (along_curve + candidate) % count
         # Drawn whether it is used or not.
         angle = wp.randf(state, 0.0, 2.0 * wp.pi)
         spot = spot_at(pool.facet[at], pool.weight[at], ground.facets)
-        if candidate % 2 == 1:
+        if (candidate / lanes) % 2 == 1:
             spot = spot_around(i, float(candidate) / float(candidates), state, crowd)
         away = wp.length(spot.position - own)
         free = TOLERABLE * TOLERABLE
@@ -784,7 +792,11 @@ def propose_places_on_surface(
                 i, spot, there, bodies, bend, crowd
             ):
                 most = wp.max(least, free)
-                found = cost_of_standing(i, i, here, i, most, crowd)
+                room_of = i
+                if lanes > 1:
+                    # One body's corners are turned by many at once.
+                    room_of = q
+                found = cost_of_standing(i, room_of, here, i, most, crowd)
                 if found < most:
                     least = found
                     far = away
@@ -795,3 +807,4 @@ def propose_places_on_surface(
     weight[q] = best_weight
     axis[q] = best_axis
     cost[q] = least
+    distance[q] = far

@@ -218,6 +218,7 @@ def lies_in_support(
 def propose_places(
     first: int,
     stuck: wp.array(dtype=wp.int32),
+    lanes: int,
     candidates: int,
     room_for_corners: int,
     most_corners: int,
@@ -231,24 +232,33 @@ def propose_places(
     crowd: Crowd,
     place: wp.array(dtype=wp.vec3),
     cost: wp.array(dtype=float),
+    share: wp.array(dtype=float),
 ):
     """The place around it where a stuck body overlaps the least, and how it is turned there; and its squared overlaps there.
 
-    Places are on its density, and between the two corners of ``room``. Who may turn is turned at random in every other one, with
-    corners as in :func:`propose_turns`.
+    And which ``share`` (0..1) of all that are tried comes before it: near ones are tried first.
+
+    Places are on its density, and between the two corners of ``room``; so many ``lanes`` share them, each finds the best of its own.
+    Who may turn is turned at random in every other one, with corners as in :func:`propose_turns`.
     """
     q = first + wp.tid()
-    i = stuck[q]
+    lane = q % lanes
+    i = stuck[q / lanes]
     outlines = crowd.outlines
     space = crowd.neighbors.grid.space
     support = bodies.support[outlines.body[i]]
     own = wp.vec2(crowd.pose[i][0], crowd.pose[i][1])
-    state = wp.rand_init(seed, i)
+    state = wp.rand_init(seed + lane, i)
+    room_of = i
+    if lanes > 1:
+        # One body's corners are turned by many at once.
+        room_of = q
     least = float(PINNED_COST)
     chosen = wp.vec3(own[0], own[1], crowd.pose[i][2])
-    for candidate in range(candidates):
-        share = float(candidate) / float(candidates)
-        far = outlines.reach[i] * NEAREST_PLACE * wp.pow(FARTHEST_PLACE / NEAREST_PLACE, share)
+    before = float(1.0)
+    for candidate in range(lane, candidates, lanes):
+        tried = float(candidate) / float(candidates)
+        far = outlines.reach[i] * NEAREST_PLACE * wp.pow(FARTHEST_PLACE / NEAREST_PLACE, tried)
         # Two draws, one after the other: an expression's parts have no order of their own.
         aside = wp.randn(state)
         ahead = wp.randn(state)
@@ -256,9 +266,9 @@ def propose_places(
         in_room = at[0] >= room[0] and at[1] >= room[1] and at[0] <= room[2] and at[1] <= room[3]
         angle = crowd.pose[i][2]
         corners = outlines.first_corner[i]
-        if may_turn[i] != 0 and candidate % 2 == 1:
+        if may_turn[i] != 0 and (candidate / lanes) % 2 == 1:
             angle = wp.randf(state, 0.0, 2.0 * wp.pi)
-            corners = room_for_corners + i * most_corners
+            corners = room_for_corners + room_of * most_corners
         if in_room and lies_in_support(i, at, angle, outlines, bodies, bend, support, images, space):
             if corners >= room_for_corners:
                 turn_trial(i, angle, corners, outlines)
@@ -270,9 +280,11 @@ def propose_places(
                 here = cost_of_place(i, corners, i, at, least, crowd)
                 if here < least:
                     least = here
+                    before = tried
                     chosen = wp.vec3(at[0], at[1], angle)
     place[q] = chosen
     cost[q] = least
+    share[q] = before
 
 
 @wp.kernel

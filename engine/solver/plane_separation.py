@@ -15,7 +15,7 @@ from . import kernels_bends, kernels_descent, kernels_outlines, kernels_pairs, k
 from .footprint_tables import footprint_tables
 from .guidance import Guidance
 from .model import Model
-from .separation import SKIN, TOLERANCE, ProposedPlaces, Separation
+from .separation import SKIN, TOLERANCE, ProposedPlaces, Separation, best_of_lanes
 from .spatial_order import spatial_order
 from .standing_outlines import StandingOutlines, standing_outlines
 from .supports import parted_from_obstacles
@@ -239,13 +239,16 @@ class PlaneSeparation(Separation):
         )
 
     def _propose_places(self, stuck: np.ndarray, candidates: int, seed: int) -> ProposedPlaces:
-        launcher = self.launcher
-        place, left = launcher.empty(len(stuck), wp.vec3), launcher.zeros(len(stuck), float)
+        launcher, lanes = self.launcher, self._lanes(len(stuck))
+        n = lanes * len(stuck)
+        place, left, share = launcher.empty(n, wp.vec3), launcher.zeros(n, float), launcher.empty(n, float)
         on_device = wp.array(stuck.astype(np.int32), dtype=wp.int32, device=launcher.device)
-        inputs = [on_device, candidates, self._corner_count, self._trial_corners, seed, self._room]
+        inputs = [on_device, lanes, candidates, self._corner_count, self._trial_corners, seed, self._room]
         inputs += [self._may_turn, self._bodies, self._bend, self._images, self._crowd]
-        launcher.launch(kernels_trials.propose_places, len(stuck), inputs, [place, left], grain=1)
-        there = place.numpy()
+        launcher.launch(kernels_trials.propose_places, n, inputs, [place, left, share], grain=1)
+        cost = left.numpy()
+        best = best_of_lanes(cost, share.numpy(), lanes)
+        there, cost = place.numpy()[best], cost[best]
 
         def land(landing: np.ndarray) -> None:
             poses, home, last = (
@@ -258,7 +261,7 @@ class PlaneSeparation(Separation):
             self._moves.home.assign(home)
             self._moves.last.assign(last)
 
-        return ProposedPlaces(there[:, :2], left.numpy(), land)
+        return ProposedPlaces(there[:, :2], cost, land)
 
     def _find_costs(self, cost: wp.array) -> None:
         self.launcher.launch(kernels_trials.find_costs, self._count, [self._crowd], [cost], grain=GRAIN_OF_NEIGHBORS)

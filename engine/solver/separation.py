@@ -123,6 +123,9 @@ PRESSED_PLACES = 0.1
 # Where a pass leaves more than this share of those who are caught, and they are more than this share of all bodies, there is no room
 # for them: no other follows.
 STILL_CAUGHT, MANY_CAUGHT = 0.8, 0.2
+# On a GPU so many threads try the places of a body at most; and all together have room for the corners of so many outlines.
+MOST_LANES = 256
+ROOMS_ON_GPU = 16_384
 # Of those who are caught so many look for a place at once.
 MOST_AT_ONCE = 2000
 # Turning before the first round: passes, turns that each body tries in one, passes times bodies at most, and what may be left of a
@@ -323,6 +326,10 @@ class Separation(ABC):
     def _propose_places(self, stuck: np.ndarray, candidates: int, seed: int) -> ProposedPlaces:
         """Find for bodies that do not get out where they stand another place, of so many, in which they overlap the least."""
 
+    def _lanes(self, stuck: int) -> int:
+        """How many threads share the places that a stuck body tries: on a GPU one would take seconds for thousands."""
+        return max(1, min(MOST_LANES, self._rooms // stuck)) if self.launcher.device.is_cuda else 1
+
     def _leave_wedges(self, number: int) -> int:
         """Have bodies that overlap pinned ones, which do not give way, or have no way out of a gap, jump; returns how many do.
 
@@ -388,7 +395,8 @@ class Separation(ABC):
         self._corner_count = int(first[-1])
         seen = corners if self.SEES_COPIES else corners[(others["ease"] > 0.0)[order]]
         self._trial_corners = int(seen.max(initial=0))
-        outlines.corner = self.launcher.empty(self._corner_count + len(order) * self._trial_corners, wp.vec4)
+        self._rooms = max(len(order), ROOMS_ON_GPU if device.is_cuda else 0)
+        outlines.corner = self.launcher.empty(self._corner_count + self._rooms * self._trial_corners, wp.vec4)
         return outlines
 
     def _prepare_bins(self, area: np.ndarray, reach: np.ndarray, is_round: np.ndarray, pinned: np.ndarray) -> None:
@@ -670,6 +678,21 @@ class Separation(ABC):
         np.minimum.at(claims, first, rank)
         np.minimum.at(claims, second, rank)
         return (claims[first] == rank) & (claims[second] == rank)
+
+
+def best_of_lanes(cost: np.ndarray, distance: np.ndarray, lanes: int) -> np.ndarray:
+    """Return which lane's place is the best of every body: of those without overlap the nearest, or else that of least overlap.
+
+    Args:
+        cost: Squared overlaps at the best place of every lane, those of a body side by side.
+        distance: How far these places are.
+        lanes: How many lanes there are for each body.
+    """
+    cost, distance = cost.reshape(-1, lanes), distance.reshape(-1, lanes)
+    is_free = cost < kernels_trials.TOLERABLE**2
+    order = np.where(is_free, distance, np.inf)
+    lane = np.where(is_free.any(axis=1), order.argmin(axis=1), cost.argmin(axis=1))
+    return lanes * np.arange(len(lane)) + lane
 
 
 def _alone(place: np.ndarray, reach: np.ndarray) -> np.ndarray:

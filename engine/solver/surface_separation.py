@@ -24,7 +24,7 @@ from . import (
 )
 from .footprint_tables import footprint_tables
 from .model import Model
-from .separation import PLACES_OF_JUMP, SKIN, TOLERANCE, ProposedPlaces, Separation
+from .separation import PLACES_OF_JUMP, SKIN, TOLERANCE, ProposedPlaces, Separation, best_of_lanes
 from .surface_contact import SLOTS_PER_BODY, levels_of
 from .surface_obstacles import outlines_among, spots_of_outlines
 from .surface_places import TilePlaces
@@ -268,14 +268,16 @@ class SurfaceSeparation(Separation):
         return pool
 
     def _propose_places(self, stuck: np.ndarray, candidates: int, seed: int) -> ProposedPlaces:
-        launcher, crowd, pool = self.launcher, self._crowd, self._pool
-        chosen, axis = launcher.empty(len(stuck), wp.int32), launcher.empty(len(stuck), wp.vec3)
-        weights, left = launcher.empty(len(stuck), wp.vec2), launcher.empty(len(stuck), float)
+        launcher, crowd, pool, lanes = self.launcher, self._crowd, self._pool, self._lanes(len(stuck))
+        n = lanes * len(stuck)
+        chosen, axes = launcher.empty(n, wp.int32), launcher.empty(n, wp.vec3)
+        weights, left, distance = launcher.empty(n, wp.vec2), launcher.empty(n, float), launcher.empty(n, float)
         launcher.launch(
             kernels_surface_separation.propose_places_on_surface,
-            len(stuck),
+            n,
             [
                 wp.array(stuck.astype(np.int32), dtype=wp.int32, device=launcher.device),
+                lanes,
                 candidates,
                 seed,
                 pool,
@@ -284,11 +286,13 @@ class SurfaceSeparation(Separation):
                 self._preferred,
                 crowd,
             ],
-            [chosen, weights, axis, left],
+            [chosen, weights, axes, left, distance],
             grain=1,
         )
-        there = chosen.numpy()
-        facet, weight = np.maximum(there, 0), weights.numpy()
+        cost = left.numpy()
+        best = best_of_lanes(cost, distance.numpy(), lanes)
+        there, cost, axis = chosen.numpy()[best], cost[best], axes.numpy()[best]
+        facet, weight = np.maximum(there, 0), weights.numpy()[best]
         position, normal = self._smoothly(facet, weight)
 
         def land(landing: np.ndarray) -> None:
@@ -298,7 +302,7 @@ class SurfaceSeparation(Separation):
                 (crowd.weight, weight),
                 (crowd.position, position),
                 (crowd.normal, normal),
-                (crowd.along, axis.numpy()),
+                (crowd.along, axis),
                 (self._moves.home, position),
                 (self._moves.last, np.zeros((len(stuck), 4))),
             ):
@@ -306,7 +310,7 @@ class SurfaceSeparation(Separation):
                 changed[moved] = values[landing]
                 array.assign(changed)
 
-        return ProposedPlaces(position, np.where(there < 0, np.inf, left.numpy()), land)
+        return ProposedPlaces(position, np.where(there < 0, np.inf, cost), land)
 
     def _find_costs(self, cost: wp.array) -> None:
         self.launcher.launch(

@@ -21,7 +21,7 @@ from esh.engine.solve import solve
 from esh.engine.solver.body_flags import BodyFlags
 from esh.engine.solver.footprint_tables import numbered, ranked
 from esh.engine.solver.plane_separation import PlaneSeparation
-from esh.engine.solver.separation import Separation
+from esh.engine.solver.separation import Separation, best_of_lanes
 from esh.engine.solver.solver import Solver
 
 pytest.importorskip("shapely")
@@ -528,9 +528,11 @@ def test_combinations_are_numbered_as_sorting_their_rows_would_number_them(diffe
     assert len(numbered(number[:0], ranked(room[:0]))) == 0
 
 
-@pytest.mark.parametrize("boundary", ["open", "periodic"])
+@pytest.mark.parametrize(("boundary", "lanes"), [("open", 1), ("periodic", 1), ("open", 20)])
 @pytest.mark.parametrize(("footprint", "apart"), [(None, 1.15), (Footprint.rectangle(1.4, 0.7), 1.6)])
-def test_nobody_stays_wedged_between_fixed_bodies(boundary, footprint, apart):
+def test_nobody_stays_wedged_between_fixed_bodies(boundary, lanes, footprint, apart, monkeypatch):
+    # On a GPU many threads share the places that a body tries.
+    monkeypatch.setattr(PlaneSeparation, "_lanes", lambda parting, stuck: max(1, min(lanes, parting._rooms // stuck)))
     generator, places = np.random.default_rng(1), np.zeros((0, 2))
     while len(places) < 50:
         place = 1.0 + generator.random(2) * 18.0
@@ -641,3 +643,10 @@ def test_what_has_no_room_between_obstacles_is_given_up_without_a_second_try(mon
     problem = Problem(Domain((10.0, 10.0)), [BodyClass("a", [planks])], obstacles=posts, avoid_overlap=True)
     assert solve(problem, device="cpu").report.in_obstacles > 0
     assert tries == [False]
+
+
+def test_of_several_lanes_the_nearest_place_without_overlap_is_taken_or_that_of_least_overlap():
+    cost = np.array([0.0, 0.0, 5.0, 4.0, 3.0, 3.5])
+    distance = np.array([2.0, 1.0, 0.1, 3.0, 9.0, 0.2])
+    assert best_of_lanes(cost, distance, 3).tolist() == [1, 4]
+    assert best_of_lanes(cost, distance, 1).tolist() == [0, 1, 2, 3, 4, 5]
