@@ -26,7 +26,7 @@ from .line_rules import length_blocks
 from .model import Model
 from .state import State
 
-__all__ = ["carry_lines", "carry_over"]
+__all__ = ["carry_lines", "carry_over", "in_support"]
 
 # Cells per body in which densities are compared; powers of two along either side.
 CELLS_PER_BODY = 2
@@ -160,7 +160,7 @@ def carry_over(old: Model, position: np.ndarray, model: Model, first_identity: i
     identity = np.where(model.fixed, body.identity, before.identity.take(source, mode="clip")).astype(np.int64)
     fresh = np.flatnonzero(is_new & ~model.fixed)
     identity[fresh] = first_identity + np.arange(len(fresh))
-    result = _in_support(model, result)
+    result = in_support(model, result)
     away = np.concatenate(elsewhere)
     moved = np.concatenate([result[away], position[source[away]]])
     return CarriedOver(result, source, identity, position[gone], moved)
@@ -411,7 +411,7 @@ def _cells_of(position: np.ndarray, cells: int, problem: Problem) -> tuple[np.nd
     return column, row
 
 
-def _in_support(model: Model, position: np.ndarray) -> np.ndarray:
+def in_support(model: Model, position: np.ndarray) -> np.ndarray:
     """Bodies that are not fixed, brought to where they may be."""
     for axis, length in enumerate(model.problem.rectangle.size):
         np.clip(position[:, axis], 0.0, length, out=position[:, axis])

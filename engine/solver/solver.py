@@ -25,7 +25,7 @@ from .body_flags import BodyFlags
 from .carried_over import CarriedOver
 from .choice_of_start import choose_start, number_of_starts
 from .descent import Descent
-from .edit import carry_lines, carry_over
+from .edit import carry_lines, carry_over, in_support
 from .final_placement import (
     angle_within,
     looks_at_point,
@@ -469,7 +469,8 @@ class Solver:
         """See :meth:`start_at`."""
         model, body = self.model, self.model.body
         start = np.full((model.body_count, 4), np.nan)
-        start[:, :2] = np.clip(position, 0.0, np.array(model.problem.rectangle.size)) / model.unit
+        # Where a density has become 0 since, nobody would find out of it.
+        start[:, :2] = in_support(model, position.copy()) / model.unit
         start[model.fixed, :2] = model.problem.fixed.position / model.unit
         is_line = body.kind >= 0
         if angle is not None:

@@ -418,21 +418,28 @@ class SurfaceDescent:
         self._put(rows[may_be], (facet[may_be], weight[may_be]))
 
     def put_at(self, spots: tuple[np.ndarray, np.ndarray], angle: np.ndarray | None, length: np.ndarray | None) -> None:
-        """Put all bodies somewhere, as :meth:`~.solver.Solver.start_at` takes their angles and lengths."""
-        self._put(np.arange(self.model.body_count), spots)
+        """Put all bodies somewhere, as :meth:`~.solver.Solver.start_at` takes their angles and lengths.
+
+        Those whose class may not be there any more, from where they would not find out, begin as in a run of their own.
+        """
+        model = self.model
+        facet, weight = spots
+        stays = model.fixed | (self.share[model.body.class_index, tiles_of(self.facets, facet, weight)] > 0.0)
+        rows = np.flatnonzero(stays)
+        self._put(rows, (facet[rows], weight[rows]))
         if angle is None:
             return
-        is_line = self.model.body.kind >= 0
-        lines = np.flatnonzero(is_line)
+        is_line = model.body.kind >= 0
+        lines = np.flatnonzero(is_line & stays)
         if len(lines):
             half = np.linalg.norm(self.state.axis.numpy()[lines], axis=1)
             if length is not None:
-                half = np.where(length[lines] > 0.0, 0.5 / self.model.unit * length[lines], half)
-            one, other = tangent_frame(self.facets.normal[spots[0][lines]])
+                half = np.where(length[lines] > 0.0, 0.5 / model.unit * length[lines], half)
+            one, other = tangent_frame(self.facets.normal[facet[lines]])
             turn = angle[lines, None]
             self._lay(lines, half[:, None] * (np.cos(turn) * one + np.sin(turn) * other))
         # A line's angle says how its outline lies.
-        outlined = self.model.footprints.is_outline & ~self.model.fixed
+        outlined = model.footprints.is_outline & ~model.fixed & stays
         heading = self.state.heading.numpy().copy()
         heading[outlined] = np.where(is_line, 0.0, angle)[outlined]
         self.state.heading.assign(heading)

@@ -432,3 +432,17 @@ def test_what_another_scatter_has_on_a_wall_is_followed(scatter, follow):
     assert len(after) == 60 and len(before.keys() & after.keys()) > 45
     assert nearest() > 0.399
     assert (moved(before, after) > 0.02).any()
+
+
+def test_a_mask_that_came_while_it_was_off_is_followed_as_a_run_would(scatter, follow):
+    """Nearly all of a class stands where nothing of it is to be any more."""
+    bpy.ops.esh.scatter()
+    image = bpy.data.images["mask.png"]
+    pixels = np.zeros((64, 64, 4), np.float32)
+    pixels[22:42, 7:57] = 1.0
+    image.pixels.foreach_set(pixels.ravel())
+    scatter.live = True
+    follow()
+    report = active().report
+    assert report["overlaps"] == 0 and report["coverage_error"] < 0.05
+    assert max(c["coverage_error"] for c in report["classes"]) < 0.1

@@ -12,6 +12,7 @@ from esh.engine.problem.domain import Domain
 from esh.engine.problem.line import Line
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
+from esh.engine.quality.measurement import measure
 from esh.engine.solve import solve
 from esh.engine.solver.body_flags import BodyFlags
 from esh.engine.solver.model import Model
@@ -155,3 +156,25 @@ def test_one_step_does_not_tell_that_bodies_have_settled():
     alone = Problem(Domain((4.0, 3.0), "periodic"), [BodyClass("a", [Size("s", 0.5, 1)])])
     assert not solve(alone, device="cpu", max_steps=1).report.converged
     assert solve(alone, device="cpu").report.converged
+
+
+def test_bodies_that_begin_where_their_density_is_0_by_now_come_to_where_it_is_not():
+    def asked(mask):
+        classes = [
+            BodyClass("pine", [Size("s", 0.28, 200)], mask),
+            BodyClass("bush", [Size("s", 0.125, 334)]),
+        ]
+        return Problem(Domain((20.0, 20.0)), classes, avoid_overlap=True)
+
+    before = solve(asked(1.0), device="cpu")
+    mask = np.zeros((64, 64), np.float32)
+    mask[22:42, 7:57] = 1.0
+    with Solver(asked(mask), device="cpu") as solver:
+        solver.start_at(before.position)
+        solver.run(100)
+        assert solver.separate(again=True)
+        after = solver.placement()
+        report = measure(after, solver.launcher)
+    assert report.overlaps == 0 and report.coverage_error < 0.02
+    pines = after.position[after.class_index == 0]
+    assert (np.abs(pines[:, 1] - 10.0) < 3.3).all() and (np.abs(pines[:, 0] - 10.0) < 8.0).all()

@@ -241,3 +241,14 @@ def test_a_triangle_without_an_area_holds_no_body():
     classes = [esh.BodyClass("moss", [esh.Size("tuft", 0.004, 20)])]
     with pytest.raises(EshError, match="must be a triangle with an area; got 1280 of mesh 0, which has none"):
         esh.Problem(surface, classes, fixed=esh.FixedBodies([[0, 0, 1.0]], triangle=1280))
+
+
+def test_bodies_that_begin_where_their_density_is_0_by_now_come_to_where_it_is_not():
+    before = start()
+    shore = problem(300, lambda points: (points.position[:, 2] > 0.2).astype(float))
+    with esh.Solver(shore, device="cpu") as solver:
+        solver.start_at(before.position, angle=before.angle)
+        solver.run(60)
+        after = solver.placement()
+    assert after.position[:, 2].min() > 0.15
+    assert measure(after, solver.launcher).coverage_error < 0.03
