@@ -12,6 +12,7 @@ import numpy as np
 
 from ...engine.errors import ProblemError
 from ...engine.problem.scatter_settings import TargetSettings
+from ...engine.surface.chart import Chart
 from ..classes.object_outline import outline_of, read_source
 from ..classes.survey import Survey
 from ..targets.references import Reference
@@ -112,7 +113,8 @@ class SelectionSurvey:
         self._items = [_read(item, context) for item in items]
         self._outlines: list[Outline | None] = []
         self.survey = Survey()
-        self.area = 0.0
+        self.area = self._seen = 0.0
+        self._longest = math.inf
 
     def solve(self, _progress: object = None) -> None:
         """Work it out; touches nothing of Blender.
@@ -125,25 +127,34 @@ class SelectionSurvey:
         except ProblemError:
             self.settings = replace(self.settings, surface="whole")
             chart = self.survey.begin(self._ground, self.settings)
-        self.area = float(np.sum(chart.area))
+        self.area = self._seen = float(np.sum(chart.area))
+        if isinstance(chart, Chart):
+            self._seen = float(np.count_nonzero(chart.area) * chart.cell.prod())
+            self._longest = float(chart.size.max())
         for _, mesh in self._items:
             try:
                 self._outlines.append(None if mesh is None else self.survey.outline(mesh, "`area`"))
             except ProblemError:
                 self._outlines.append(None)
 
-    def measured(self) -> tuple[list[Measured], list[str]]:
-        """Return what :func:`measure` does; of what is still there."""
-        found, flat = [], []
+    def ground_for(self, measured: Sequence[Measured]) -> float:
+        """Return how much ground there is for some objects [m²]: of a steep slope what stands upright takes more than it covers."""
+        return self._seen if any(one.upright for one in measured) else self.area
+
+    def measured(self) -> tuple[list[Measured], list[str], list[str]]:
+        """Return what :func:`measure` does, of what is still there; and the names of those that are longer than the ground."""
+        found, flat, long = [], [], []
         for (reference, mesh), outline in zip(self._items, self._outlines, strict=True):
             item = reference.find()
             if item is None:
                 continue
             if mesh is None or outline is None:
                 flat.append(item.name)
+            elif outline.is_long and outline.length > self._longest:
+                long.append(item.name)
             else:
                 found.append(_measured(item, mesh, outline))
-        return found, flat
+        return found, flat, long
 
 
 def _read(

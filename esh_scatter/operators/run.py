@@ -20,6 +20,7 @@ from ..properties.described import identifier_of, property_of, value_of
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import words
+from ..result.real_objects import discard_real, real_objects_of
 from ..result.scene_units import in_scene_units, sentence
 from ..solving import running
 from ..targets.target import members_of
@@ -94,10 +95,9 @@ class _Run(bpy.types.Operator):
         settings = self._settings(context)
         if settings is None:
             return False
-        count = bodies_ahead(settings)
-        if count >= settings.cap and not self.asked:
+        if not self.asked and (title_and_text := self._question(context, settings)):
             self._undo(context)
-            self._ask(context, question(settings, count))
+            self._ask(context, *title_and_text)
             return False
         try:
             positional, named = settings.arguments(context.scene)
@@ -113,7 +113,18 @@ class _Run(bpy.types.Operator):
         """Return what has to be worked out before there is anything to scatter, or None."""
         return None
 
-    def _ask(self, context: bpy.types.Context, text: str) -> None:
+    def _question(self, context: bpy.types.Context, settings: ESH_PG_scatter) -> tuple[str, str] | None:
+        """Return what to ask before a run, a title and what there is to know; or None."""
+        result = settings.result_in(context.scene)
+        if result is not None and real_objects_of(result) is not None:
+            return (
+                "Scatter Beside the Real Objects?",
+                "They stay as they are, without the scatter. To keep their changes in it, click Back to Instances first",
+            )
+        count = bodies_ahead(settings)
+        return ("Place This Many Objects?", question(settings, count)) if count >= settings.cap else None
+
+    def _ask(self, context: bpy.types.Context, title: str, text: str) -> None:
         """Ask whether to run all the same; whoever says yes presses a button that does not ask."""
 
         def draw(popup: bpy.types.UIPopupMenu, _context: bpy.types.Context) -> None:
@@ -121,7 +132,7 @@ class _Run(bpy.types.Operator):
             popup.layout.operator_context = "INVOKE_DEFAULT"
             popup.layout.operator(self.bl_idname, text="Scatter", icon="PLAY").asked = True
 
-        context.window_manager.popup_menu(draw, title="Place This Many Objects?", icon="QUESTION")
+        context.window_manager.popup_menu(draw, title=title, icon="QUESTION")
 
     def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
         """Return the settings to run, or None where there is nothing to run, which has been reported."""
@@ -186,8 +197,12 @@ class _Run(bpy.types.Operator):
         return self._finish(settings, result)
 
     def _finish(self, settings: ESH_PG_scatter, result: "ScatterResult") -> set[str]:
-        report = result.report.to_dict()
-        settings.remember(result.object, report)
+        settings.remember(result.object, result.report.to_dict())
+        report = settings.report
+        assert report is not None
+        if (real := real_objects_of(result.object)) is not None:
+            # The new result stands for none of them.
+            discard_real(real, ())
         left_out = settings.left_out()
         look = [*words.notes(report), *left_out]
         text = words.summary(report)
@@ -323,13 +338,16 @@ class ScatterObjects(_Run):
         # The panel of the last operation looks again.
         self._found = None
         self.surface = identifier_of(_SETTINGS["surface"], found.settings.surface)
-        measured, flat = found.measured()
-        if flat:
-            self.report({"WARNING"}, f"Left out, because they cover no ground when seen from above: {', '.join(flat)}")
+        measured, flat, long = found.measured()
+        for why, names in (("cover no ground when seen from above", flat), ("are longer than the ground", long)):
+            if names:
+                self.report({"WARNING"}, f"Left out, because they {why}: {', '.join(names)}")
         if not measured:
-            self.report({"ERROR"}, "None of the objects covers ground when seen from above. Nothing was changed")
+            why = "fits on the ground" if long else "covers ground when seen from above"
+            self.report({"ERROR"}, f"None of the objects {why}. Nothing was changed")
             return None
-        counts = pleasant_counts([one.area for one in measured], found.area, self.cover, self.most)
+        ground = found.ground_for(measured)
+        counts = pleasant_counts([one.area for one in measured], ground, self.cover, self.most)
         scatter = context.scene.esh_scatter.add_scatter(stood_on(context.view_layer.objects.active))
         add_classes(scatter, measured, counts)
         for name in ("surface", "class_separation", "boundary", "seed"):
@@ -358,7 +376,12 @@ class ESH_OT_scatter_selection(ScatterObjects):
     def _lacks(cls, context: bpy.types.Context) -> str | None:
         if stood_on(context.view_layer.objects.active) is None:
             return "Select the objects to place, then the ground, which must be a mesh"
-        return None if _selected_sources(context) else "Select the objects to place as well, then the ground last"
+        if _selected_sources(context):
+            return None
+        others = [item for item in context.selected_objects if item != context.view_layer.objects.active]
+        if others:
+            return f'"{others[0].name}" cannot be placed: select meshes, or convert it to one'
+        return "Select the objects to place as well, then the ground last"
 
     def _sources(self, context: bpy.types.Context) -> list[bpy.types.Object | bpy.types.Collection]:
         from ..editing.families import as_placed

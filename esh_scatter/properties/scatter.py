@@ -273,8 +273,11 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         if few and words.placed(report) > self.points_above:
             begin_with_points(result)
         self.result = result
-        # Which objects overlap, the points say.
-        self.report_json = json.dumps({name: value for name, value in report.items() if name != "overlapping"})
+        # Which objects overlap, the points say. Whether they may, and stand in clumps, only the settings that it was made with.
+        kept = {name: value for name, value in report.items() if name != "overlapping"}
+        kept[words.MAY_OVERLAP] = not self.avoid_overlap
+        kept[words.CLUMPED] = any(body_class.clustering > 0.0 for body_class in self.ready_classes())
+        self.report_json = json.dumps(kept)
         if ran_with is None:
             with checksums.now():
                 ran_with = self.fingerprint()

@@ -8,6 +8,8 @@ if TYPE_CHECKING:
     from ...engine.problem.cover import Cover
 
 __all__ = [
+    "CLUMPED",
+    "MAY_OVERLAP",
     "UNBROKEN",
     "as_sentence",
     "behind_rule",
@@ -31,6 +33,10 @@ EVEN = 0.15
 LEAST_CROWDED = 0.01
 # What the sentence has in it which says that a coverage error tells of nothing but how large some objects are.
 COARSE = "counts as uneven"
+# What of a report that is kept says whether objects were let overlap: then it is no trouble that they do.
+MAY_OVERLAP = "may_overlap"
+# And whether some were to stand in clumps: neither they nor what lies around these is even then.
+CLUMPED = "clumped"
 # A space at which no line is broken.
 UNBROKEN = "\u00a0"
 # Fewer than this have no evenness to speak of.
@@ -59,9 +65,9 @@ def evenness(report: dict[str, Any]) -> str:
     """
     if placed(report) < FEWEST:
         return ""
-    coarse = any(COARSE in note for note in report["notes"])
+    meant = report.get(CLUMPED, False) or any(COARSE in note for note in report["notes"])
     word = evenness_word(unevenness(report))
-    if word == "uneven" and coarse:
+    if word == "uneven" and meant:
         return ""
     if word != "uneven" or len(report["classes"]) == 1:
         return word
@@ -79,12 +85,13 @@ def summary(report: dict[str, Any], unbroken: str = " ", *, seconds: bool = True
 
 def has_trouble(report: dict[str, Any]) -> bool:
     """Whether anything lies where it is not to lie: in another object, an obstacle, or across the border."""
-    return _troubles(report) != ["no overlap"]
+    return _troubles(report) not in ([], ["no overlap"])
 
 
 def _troubles(report: dict[str, Any]) -> list[str]:
-    """Return what lies where it is not to lie: "12 overlaps", "2 in obstacles"; "no overlap" where that is nothing."""
-    found = [_overlaps(count)] if (count := report["overlaps"]) else []
+    """Return what lies where it is not to lie: "12 overlaps", "2 in obstacles"; "no overlap" where nothing does that must not."""
+    may = report.get(MAY_OVERLAP, False)
+    found = [_overlaps(count)] if (count := report["overlaps"]) and not may else []
     # Reports of files that were saved by earlier versions have none of these.
     if count := report.get("fixed_overlaps", 0):
         found.append(f"{_overlaps(count)} among pinned")
@@ -92,7 +99,7 @@ def _troubles(report: dict[str, Any]) -> list[str]:
         found.append(f"{count:,} in obstacles")
     if count := report.get("beyond_border", 0):
         found.append(f"{count:,} across the border")
-    return found or ["no overlap"]
+    return found or ([] if may else ["no overlap"])
 
 
 def _overlaps(count: int) -> str:

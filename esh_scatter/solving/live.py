@@ -17,6 +17,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ...engine.errors import EshError
+from ..result.real_objects import real_objects_of
 from ..result.words import as_sentence
 from ..targets import checksums
 from ..targets.references import Reference
@@ -178,6 +179,10 @@ class _Live:
         if any(target.mode == "EDIT" for target in scatter.targets) or scatter.obstacle(context.scene):
             self._say(scatter.obstacle(context.scene) or "")
             return
+        result = scatter.result_in(context.scene)
+        if result is not None and real_objects_of(result) is not None:
+            self._say("Its instances are real objects: click Back to Instances first")
+            return
         record = scatter.record()
         made_with = json.dumps(record, separators=(",", ":"))
         if made_with == self._told:
@@ -189,7 +194,6 @@ class _Live:
             return
         first = self._told is None
         start = time.thread_time()
-        result = scatter.result_in(context.scene)
         try:
             positional, named = scatter.arguments(context.scene)
             job = ScatterJob(*positional, **named, prepare=False)

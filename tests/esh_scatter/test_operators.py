@@ -416,3 +416,19 @@ def test_the_dice_always_give_another_seed(scatter):
         before = scatter.seed
         bpy.ops.esh.seed_roll()
         assert scatter.seed != before and scatter.seed >= 0
+
+
+def test_a_class_that_follows_one_that_is_left_out_is_left_out_too(scatter):
+    one, other = scatter.classes[0], scatter.add_class()
+    other.name = "Follower"
+    other.sizes[0].source_object = one.sizes[0].source_object
+    follows = other.add_layer("CLASS")
+    follows.class_name = one.name
+    assert len(scatter.ready_classes()) == len(scatter.classes)
+    lacks = one.add_layer("VERTEX_GROUP")
+    assert f'it follows "{one.name}", which is left out' in scatter.obstacle_of(other)
+    one.layers.remove(list(one.layers).index(lacks))
+    back = one.add_layer("CLASS")
+    back.class_name = "Follower"
+    for c, name in ((one, "Follower"), (other, one.name)):
+        assert f'it and "{name}" follow each other' in scatter.obstacle_of(c)

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
+import esh  # noqa: E402
 from esh.esh_scatter import registration  # noqa: E402
+from esh.esh_scatter.operators.run import ESH_OT_scatter  # noqa: E402
 from esh.esh_scatter.result import real_objects  # noqa: E402
 from esh.esh_scatter.result.display import get_inputs, our_modifier, set_inputs  # noqa: E402
 from esh.esh_scatter.result.kept_ground import read_attribute  # noqa: E402
+from esh.esh_scatter.solving import live  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
 
@@ -199,7 +202,9 @@ def test_changes_can_be_discarded_and_an_updated_result_is_said(scatter):
     assert instances() == before
     bpy.ops.esh.instances_make_real()
     scatter.seed = 9
-    bpy.ops.esh.scatter()
+    # By a script, which nobody asks.
+    given, named = scatter.arguments(bpy.context.scene)
+    esh.scatter(*given, **named)
     with pytest.raises(RuntimeError, match="has been updated since"):
         bpy.ops.esh.instances_from_real()
     assert bpy.ops.esh.instances_from_real(changes="DISCARD") == {"FINISHED"}
@@ -235,3 +240,31 @@ def test_a_hidden_result_is_said_and_undo_takes_it_back(scatter):
     assert len(bpy.data.objects) == objects
     result = bpy.context.scene.esh_scatter.active.result
     assert not result.hide_viewport and real_objects.real_objects_of(result) is None
+
+
+def test_a_run_beside_real_objects_leaves_them_as_objects_of_their_own(scatter):
+    assert bpy.ops.esh.instances_make_real() == {"FINISHED"}
+    collection = real_objects.real_objects_of(scatter.result)
+    moved, count = collection.objects[0], len(collection.objects)
+    moved.location.x += 0.5
+    place = moved.location.copy()
+    scatter.classes[0].sizes[0].count = 15
+    title, _ = ESH_OT_scatter._question(None, bpy.context, scatter)
+    assert "Real Objects" in title
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    assert not scatter.result.hide_viewport and real_objects.real_objects_of(scatter.result) is None
+    assert len(collection.objects) == count and moved.location == place and len(scatter.result.data.vertices) == 30
+    assert ESH_OT_scatter._question(None, bpy.context, scatter) is None
+
+
+def test_live_leaves_real_objects_alone(scatter, follow):
+    assert bpy.ops.esh.instances_make_real() == {"FINISHED"}
+    before = read_attribute(scatter.result.data, "position").copy()
+    scatter.live = True
+    follow()
+    scatter.classes[0].sizes[0].count = 15
+    follow()
+    np.testing.assert_array_equal(read_attribute(scatter.result.data, "position"), before)
+    assert "real objects" in live.status(bpy.context.scene, scatter)
+    scatter.live = False
+    follow()

@@ -390,3 +390,34 @@ def test_the_result_of_the_scatter_that_is_shown_is_exported_where_none_is_activ
     bpy.ops.esh.scatter_selection(most=5)
     path = tmp_path / "trees.ply"
     assert bpy.ops.esh.export(filepath=str(path)) == {"FINISHED"} and path.stat().st_size > 100
+
+
+def test_what_is_longer_than_the_ground_is_left_out_and_does_not_block_the_others(ground):
+    plank, tree = box("Plank", 30.0, 0.5, 0.2), box("Tree", 1.0, 1.0, 3.0)
+    select(plank, tree, ground, active=ground)
+    assert bpy.ops.esh.scatter_selection(most=40) == {"FINISHED"}
+    assert [c.name for c in bpy.context.scene.esh_scatter.active.classes] == ["Tree"]
+    select(plank, ground, active=ground)
+    with pytest.raises(RuntimeError, match="None of the objects fits on the ground"):
+        bpy.ops.esh.scatter_selection()
+
+
+@pytest.mark.parametrize("degrees", [0, 60, 75, 80])
+def test_trees_on_a_steep_plane_are_no_more_than_stand_there(degrees):
+    ground = box("Ground", 6.0, 6.0, 0.0)
+    ground.rotation_euler.x = math.radians(degrees)
+    bpy.context.view_layer.update()
+    select(box("Tree", 0.2, 0.2, 0.5), ground, active=ground)
+    assert bpy.ops.esh.scatter_selection() == {"FINISHED"}
+    report = bpy.context.scene.esh_scatter.active.report
+    assert report["overlaps"] == 0
+    # Of what is seen from above.
+    assert report["classes"][0]["sizes"][0]["placed"] == pytest.approx(225 * math.cos(math.radians(degrees)), rel=0.05)
+
+
+def test_what_cannot_be_placed_is_named(ground):
+    light = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    bpy.context.scene.collection.objects.link(light)
+    select(light, ground, active=ground)
+    with pytest.raises(RuntimeError, match='"Lamp" cannot be placed: select meshes'):
+        bpy.ops.esh.scatter_selection()

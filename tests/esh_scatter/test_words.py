@@ -105,3 +105,14 @@ def test_what_cannot_fit_is_said_once():
     told = report(overlaps=3, notes=[said, "2 objects lie in obstacles"])
     assert len(words.notes(told)) == 2
     assert words.notes(told, foreseen=True) == ["2 objects lie in obstacles"]
+
+
+def test_overlaps_that_may_be_are_no_trouble_and_clumps_are_not_uneven():
+    told = report(overlaps=12, may_overlap=True)
+    assert not words.has_trouble(told) and "overlap" not in words.summary(told)
+    assert words.has_trouble(report(overlaps=12, may_overlap=False))
+    uneven = report(coverage_error=0.5)
+    for entry in uneven["classes"]:
+        entry["coverage_error"] = 0.5
+    assert words.evenness(uneven).startswith("uneven")
+    assert words.evenness({**uneven, "clumped": True}) == ""
