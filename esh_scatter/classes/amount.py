@@ -37,7 +37,7 @@ class Amount(Settings):
         default=None,
         metadata=setting(
             "How many to place on each square meter of ground where the density is white, all sizes together",
-            label="Per m²",
+            label="Per Area",
             unit="1/m²",
             soft_high=100.0,
             check=_check_amount,

@@ -157,8 +157,9 @@ class ESH_PG_class(PropertyGroup):
             ("TOTAL", "Total Count", "One number for all sizes together; each size gets a share of it", "ADD", 1),
             (
                 "PER_AREA",
-                "Per Square Meter",
-                "This many on each square meter of ground where the density is white",
+                "Per Area",
+                "This many on each square meter of ground where the density is white. In scenes with other units, on each square "
+                "of one Blender unit",
                 "MESH_GRID",
                 3,
             ),

@@ -7,6 +7,7 @@ from ...engine.problem.scatter_settings import Standing
 from ..editing.class_copy import KEPT_APART
 from ..properties.body_class import DERIVED_COUNTS
 from ..properties.scene import active_scatter, selected_class, selected_scatter
+from ..result.scene_units import area_unit
 from ..targets.target import members_of
 from .density_panel import draw_density
 from .panel_parts import SubPanel, draw_image, draw_list, draw_property, draw_settings, write_text
@@ -178,7 +179,8 @@ def _draw_count(context: bpy.types.Context, column: bpy.types.UILayout, body_cla
     elif kind == "TOTAL":
         column.prop(body_class, "total")
     elif kind in DERIVED_COUNTS:
-        column.prop(body_class, DERIVED_COUNTS[kind])
+        name = DERIVED_COUNTS[kind]
+        column.prop(body_class, name, **({"text": f"Per {area_unit(context.scene)}"} if name == "per_area" else {}))
 
 
 CLASSES = (

@@ -160,7 +160,7 @@ def test_a_target_deleted_in_the_viewport_counts_as_gone(scatter):
 
 def test_a_change_makes_the_report_outdated_and_taking_it_back_does_not(scatter):
     scatter.remember(new_object("Result"), {"steps": 3})
-    assert scatter.report == {"steps": 3} and not scatter.outdated
+    assert scatter.report["steps"] == 3 and not scatter.outdated
     size = scatter.classes[0].sizes[0]
     layer = scatter.classes[0].add_layer("IMAGE", image=bpy.data.images.new("where", 4, 4))
     scatter.remember(scatter.result, {"steps": 3})
@@ -224,7 +224,7 @@ def test_settings_of_two_scenes_are_saved_and_read_back(scatter, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=path)
     loaded = bpy.data.scenes[first_name].esh_scatter.active
     assert (loaded.seed, loaded.classes[1].sizes[0].count, loaded.target.name) == (11, 77, "Ground")
-    assert loaded.report == {"steps": 3} and not loaded.outdated and loaded.result.name == "Result"
+    assert loaded.report["steps"] == 3 and not loaded.outdated and loaded.result.name == "Result"
     assert bpy.data.scenes["Second"].esh_scatter.active.seed == 22
 
 
