@@ -103,6 +103,10 @@ def _draw_source(
     elif kind == "CAMERA":
         column.prop(layer, "camera")
     if kind in PAINTED_IN and context.mode == PAINTED_IN[kind]:
+        paint = scatter.id_data.tool_settings.image_paint
+        if kind == "IMAGE" and paint.mode == "IMAGE" and paint.canvas != layer.image:
+            # Another layer's is painted, or none: undo and redo take away what strokes go to.
+            column.operator("esh.layer_paint", text="Paint This Image", icon="BRUSH_DATA").kind = "SELECTED"
         column.operator("object.mode_set", text="Done", icon="CHECKMARK").mode = "OBJECT"
     elif kind in PAINTED_IN:
         column.operator("esh.layer_paint", text="Paint", icon="BRUSH_DATA").kind = "SELECTED"

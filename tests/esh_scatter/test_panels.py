@@ -429,6 +429,23 @@ def test_painting_ends_where_it_began():
             assert "esh.layer_paint" in drawn[other] and "object.mode_set" not in drawn[other]
 
 
+def test_where_strokes_go_to_another_image_the_selected_one_can_be_painted():
+    """Undo and redo leave nothing that is painted on."""
+    scatter = ready_scatter()
+    body_class = scatter.classes[0]
+    image = bpy.data.images.new("Mask", 4, 4)
+    body_class.add_layer("IMAGE", image=image)
+    paint = bpy.context.scene.tool_settings.image_paint
+    paint.mode = "IMAGE"
+    for canvas in (image, None, bpy.data.images.new("Other", 4, 4)):
+        paint.canvas = canvas
+        drawn: list[str] = []
+        context = shown_context()
+        context.mode = "PAINT_TEXTURE"
+        density_panel.draw_density(context, Layout(drawn), scatter, body_class)
+        assert "object.mode_set" in drawn and ("esh.layer_paint" in drawn) == (canvas is not image)
+
+
 def test_the_name_of_an_image_is_readable_at_any_width():
     body_class = ready_scatter().classes[0]
     long, short = (bpy.data.images.new(name, 4, 4) for name in ("Forest Density Mask", "Mask"))
