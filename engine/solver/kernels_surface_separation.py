@@ -698,17 +698,17 @@ def direction_of_trial(
 
 
 @wp.func
-def line_has_room(i: int, spot: Spot, along: wp.vec3, bodies: Bodies, bend: wp.array(dtype=float), crowd: SurfaceCrowd):
-    """Whether all of body i, if it is a line, is where its class may be and on the surface, with its middle at a spot."""
+def has_room(i: int, spot: Spot, along: wp.vec3, bodies: Bodies, bend: wp.array(dtype=float), crowd: SurfaceCrowd):
+    """Whether body i, with its middle at a spot, is where its class may be; of a line all of it, and that on the surface."""
     body = crowd.outlines.body[i]
-    has_room = bool(True)
-    if bodies.kind[body] >= 0:
+    fits = may_be(spot, bodies.support[body], crowd.ground.clear[body][0], crowd.ground)
+    if fits and bodies.kind[body] >= 0:
         axis = (0.5 * crowd.outlines.length[i]) * along
         back = way_back(spot.facet, spot.weight, axis, body, bodies, bend, crowd.ground)
-        has_room = wp.length_sq(back) == 0.0
-        if has_room:
-            has_room = line_fits(spot.facet, spot.weight, axis, body, bodies, bend, crowd.ground)
-    return has_room
+        fits = wp.length_sq(back) == 0.0
+        if fits:
+            fits = line_fits(spot.facet, spot.weight, axis, body, bodies, bend, crowd.ground)
+    return fits
 
 
 @wp.func
@@ -723,6 +723,18 @@ def spot_around(i: int, share: float, state: wp.uint32, crowd: SurfaceCrowd):
     along = carried(crowd.along[i], crowd.normal[i], normal)
     way = (far * ahead) * (wp.cos(turn) * along + wp.sin(turn) * wp.cross(normal, along))
     return step_along(crowd.facet[i], crowd.weight[i], way, facets)
+
+
+@wp.func
+def standing_at(spot: Spot, along: wp.vec3, crowd: SurfaceCrowd):
+    """How a body stands somewhere whose x axis points along this, in the plane of the facet there."""
+    facets = crowd.ground.facets
+    result = Standing()
+    result.position = spot.position
+    result.facet = spot.facet
+    result.normal = smooth_normal(spot.facet, spot.weight, facets)
+    result.along = carried(along, facets.normal[spot.facet], result.normal)
+    return result
 
 
 @wp.kernel
@@ -753,10 +765,7 @@ def propose_places_on_surface(
     q = first + wp.tid()
     lane = q % lanes
     i = stuck[q / lanes]
-    outlines = crowd.outlines
-    ground = crowd.ground
-    body = outlines.body[i]
-    support = bodies.support[body]
+    support = bodies.support[crowd.outlines.body[i]]
     begin = pool.start[support]
     count = pool.start[support + 1] - begin
     # Where it begins along the pool is the same for all lanes.
@@ -765,7 +774,6 @@ def propose_places_on_surface(
     state = drawn
     if lane > 0:
         state = wp.rand_init(seed + lane, i)
-    own = crowd.position[i]
     led = turn_from_preferred(i, bodies, preferred, crowd)
     least = float(PINNED_COST)
     far = float(1.0e30)
@@ -776,27 +784,18 @@ def propose_places_on_surface(
         at = begin + (along_curve + candidate) % count
         # Drawn whether it is used or not.
         angle = wp.randf(state, 0.0, 2.0 * wp.pi)
-        spot = spot_at(pool.facet[at], pool.weight[at], ground.facets)
+        spot = spot_at(pool.facet[at], pool.weight[at], crowd.ground.facets)
         if (candidate / lanes) % 2 == 1:
             spot = spot_around(i, float(candidate) / float(candidates), state, crowd)
-        away = wp.length(spot.position - own)
+        away = wp.length(spot.position - crowd.position[i])
         free = TOLERABLE * TOLERABLE
         if least > free or away < far:
-            here = Standing()
-            here.position = spot.position
-            here.facet = spot.facet
-            here.normal = smooth_normal(spot.facet, spot.weight, ground.facets)
             there = direction_of_trial(i, spot, angle, led, bodies, preferred, crowd)
-            here.along = carried(there, ground.facets.normal[spot.facet], here.normal)
-            if may_be(spot, support, ground.clear[body][0], ground) and line_has_room(
-                i, spot, there, bodies, bend, crowd
-            ):
+            here = standing_at(spot, there, crowd)
+            if has_room(i, spot, there, bodies, bend, crowd):
                 most = wp.max(least, free)
-                room_of = i
-                if lanes > 1:
-                    # One body's corners are turned by many at once.
-                    room_of = q
-                found = cost_of_standing(i, room_of, here, i, most, crowd)
+                # One body's corners may be turned by many at once.
+                found = cost_of_standing(i, wp.where(lanes > 1, q, i), here, i, most, crowd)
                 if found < most:
                     least = found
                     far = away

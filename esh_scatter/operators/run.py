@@ -44,6 +44,18 @@ def in_background() -> bool:
     return bpy.app.background
 
 
+def before_a_run(context: bpy.types.Context, settings: ESH_PG_scatter) -> tuple[str, str] | None:
+    """Return what to ask before a run, a title and what there is to know; or None."""
+    result = settings.result_in(context.scene)
+    if result is not None and real_objects_of(result) is not None:
+        return (
+            "Scatter Beside the Real Objects?",
+            "They stay as they are, without the scatter. To keep their changes in it, click Back to Instances first",
+        )
+    count = bodies_ahead(settings)
+    return ("Place This Many Objects?", question(settings, count)) if count >= settings.cap else None
+
+
 class _Run(bpy.types.Operator):
     """Base of what solves: in the background where there is a window, otherwise to the end."""
 
@@ -95,7 +107,7 @@ class _Run(bpy.types.Operator):
         settings = self._settings(context)
         if settings is None:
             return False
-        if not self.asked and (title_and_text := self._question(context, settings)):
+        if not self.asked and (title_and_text := before_a_run(context, settings)):
             self._undo(context)
             self._ask(context, *title_and_text)
             return False
@@ -112,17 +124,6 @@ class _Run(bpy.types.Operator):
     def _first(self, _context: bpy.types.Context) -> "SelectionSurvey | None":
         """Return what has to be worked out before there is anything to scatter, or None."""
         return None
-
-    def _question(self, context: bpy.types.Context, settings: ESH_PG_scatter) -> tuple[str, str] | None:
-        """Return what to ask before a run, a title and what there is to know; or None."""
-        result = settings.result_in(context.scene)
-        if result is not None and real_objects_of(result) is not None:
-            return (
-                "Scatter Beside the Real Objects?",
-                "They stay as they are, without the scatter. To keep their changes in it, click Back to Instances first",
-            )
-        count = bodies_ahead(settings)
-        return ("Place This Many Objects?", question(settings, count)) if count >= settings.cap else None
 
     def _ask(self, context: bpy.types.Context, title: str, text: str) -> None:
         """Ask whether to run all the same; whoever says yes presses a button that does not ask."""

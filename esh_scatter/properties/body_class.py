@@ -286,15 +286,10 @@ class ESH_PG_class(PropertyGroup):
             return layers[0].density()
         return DensityStack([layer.as_argument() for layer in layers])
 
-    def obstacle(self, target: bpy.types.Object, followed_by: tuple[int, ...] = ()) -> str | None:
-        """Return what keeps this class from being scattered on ``target``, as one sentence, or None.
-
-        Args:
-            target: What it is scattered on.
-            followed_by: The classes that follow it, and what they are followed by, by their numbers.
-        """
+    def obstacle(self, target: bpy.types.Object) -> str | None:
+        """Return what keeps this class from being scattered on ``target``, as one sentence, or None."""
         for number, layer in enumerate(self.layers, start=1):
-            if layer.use and (missing := layer.obstacle(target, self.id_data, (*followed_by, self.uid))):
+            if layer.use and (missing := layer.obstacle(target, self.id_data)):
                 where = f", layer {number}" if len(self.layers) > 1 else ""
                 return f'Class "{self.name}"{where}: {missing}'
         if self.direction_kind == "IMAGE" and self.direction_image is None:

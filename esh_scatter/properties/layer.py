@@ -249,8 +249,8 @@ class ESH_PG_layer(PropertyGroup):
         uid = self.class_uid
         return next((c for c in scatter_of(self).classes if uid and c.uid == uid), None)
 
-    def obstacle(self, target: bpy.types.Object, scene: bpy.types.Scene, following: tuple[int, ...] = ()) -> str | None:
-        """Return what it lacks, as the end of a sentence, or None; ``following`` are the classes that lead to it, by their numbers."""
+    def obstacle(self, target: bpy.types.Object, scene: bpy.types.Scene) -> str | None:
+        """Return what it lacks, as the end of a sentence, or None."""
         kind = self.kind
         if kind == "IMAGE":
             return self._image_obstacle(target)
@@ -271,10 +271,6 @@ class ESH_PG_layer(PropertyGroup):
                 return "choose the class that it follows"
             if other.mute:
                 return f'it follows "{other.name}", which is muted'
-            if any(layer.kind == "CLASS" and layer.use and layer.class_uid in following for layer in other.layers):
-                return f'it and "{other.name}" follow each other; have one of them follow something else'
-            if other.uid not in following and other.obstacle(target, following):
-                return f'it follows "{other.name}", which is left out'
         if kind == "CAMERA" and self.camera is None and scene.camera is None:
             return "choose a camera, or give the scene one"
         return None

@@ -215,10 +215,26 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         incomplete = (self.obstacle_of(c) for c in self.classes if not c.mute)
         return next(incomplete, None) or "All classes are muted; unmute one"
 
-    def obstacle_of(self, body_class: ESH_PG_class) -> str | None:
-        """Return what keeps a class from being scattered, as one sentence, or None; one target has to have what it asks for."""
+    def obstacle_of(self, body_class: ESH_PG_class, followed_by: tuple[int, ...] = ()) -> str | None:
+        """Return what keeps a class from being scattered, as one sentence, or None; one target has to have what it asks for.
+
+        Args:
+            body_class: The class.
+            followed_by: The classes that follow it, and what these are followed by, by their numbers.
+        """
         found = [body_class.obstacle(item) for item in self.targets]
-        return None if None in found else next(iter(found), None)
+        if None not in found:
+            return next(iter(found), None)
+        chain = (*followed_by, body_class.uid)
+        for layer in body_class.layers:
+            other = layer.other_class if layer.use and layer.kind == "CLASS" else None
+            if other is None:
+                continue
+            if any(back.kind == "CLASS" and back.use and back.class_uid in chain for back in other.layers):
+                return f'Class "{body_class.name}": it and "{other.name}" follow each other; have one follow something else'
+            if other.uid not in chain and self.obstacle_of(other, chain):
+                return f'Class "{body_class.name}": it follows "{other.name}", which is left out'
+        return None
 
     def ready_classes(self) -> list[ESH_PG_class]:
         """Return the classes that can be scattered and are not muted."""

@@ -83,7 +83,7 @@ def test_from_the_cap_on_the_button_asks_first(scatter):
     operator.bl_idname, operator.asked = "esh.scatter", False
     operator._settings = lambda _context: scatter
     operator._undo = lambda _context: None
-    operator._ask = lambda _context, text: asked.append(text) or {"CANCELLED"}
+    operator._ask = lambda _context, _title, text: asked.append(text) or {"CANCELLED"}
     context = type("Context", (), {"window": object(), "scene": bpy.context.scene})()
     scatter.cap = 50
     assert ESH_OT_scatter._start(operator, context) is False

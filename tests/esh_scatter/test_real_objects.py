@@ -8,7 +8,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 import esh  # noqa: E402
 from esh.esh_scatter import registration  # noqa: E402
-from esh.esh_scatter.operators.run import ESH_OT_scatter  # noqa: E402
+from esh.esh_scatter.operators.run import before_a_run  # noqa: E402
 from esh.esh_scatter.result import real_objects  # noqa: E402
 from esh.esh_scatter.result.display import get_inputs, our_modifier, set_inputs  # noqa: E402
 from esh.esh_scatter.result.kept_ground import read_attribute  # noqa: E402
@@ -249,12 +249,12 @@ def test_a_run_beside_real_objects_leaves_them_as_objects_of_their_own(scatter):
     moved.location.x += 0.5
     place = moved.location.copy()
     scatter.classes[0].sizes[0].count = 15
-    title, _ = ESH_OT_scatter._question(None, bpy.context, scatter)
+    title, _ = before_a_run(bpy.context, scatter)
     assert "Real Objects" in title
     assert bpy.ops.esh.scatter() == {"FINISHED"}
     assert not scatter.result.hide_viewport and real_objects.real_objects_of(scatter.result) is None
     assert len(collection.objects) == count and moved.location == place and len(scatter.result.data.vertices) == 30
-    assert ESH_OT_scatter._question(None, bpy.context, scatter) is None
+    assert before_a_run(bpy.context, scatter) is None
 
 
 def test_live_leaves_real_objects_alone(scatter, follow):
