@@ -372,7 +372,7 @@ class Named(Layout):
 
 def test_a_narrow_sidebar_cuts_no_names():
     body_class = ready_scatter().classes[0]
-    body_class.count_kind = "PER_AREA"
+    body_class.count_kind = "SHARE"
     drawn = {}
     for width in (250, 280, 320):
         Layout.width = width
