@@ -84,9 +84,13 @@ class HeatMesh:
             [column, value, diagonal, bound],
             grain=GRAIN_OF_NEIGHBORS,
         )
-        alike = launcher.alike(of_all(np.int32(0), n), wp.int32)
-        self._largest = float(largest_by_kind(launcher, bound, alike, 1)[0])
+        self._largest = self._largest_of(bound)
         self._operator = [stiffness.start, column, value, diagonal]
+
+    def _largest_of(self, values: wp.array) -> float:
+        """The largest of numbers of all vertices."""
+        alike = self._launcher.alike(of_all(np.int32(0), self._count), wp.int32)
+        return float(largest_by_kind(self._launcher, values, alike, 1)[0])
 
     def _fastest(self, rate: wp.array) -> float:
         """How fast heat is to spread across a side over the mass of the lighter of its ends at most [1/m²].
@@ -96,10 +100,11 @@ class HeatMesh:
         counts.
         """
         slowest, shortest = (0.5 / (detail * self.spacing) ** 2 for detail in (FINEST, SHORTEST))
+        if self._largest_of(rate) <= 4.0 * slowest:
+            # As on most surfaces: nothing leaves the device.
+            return slowest
         values = rate.numpy()
         fast = np.flatnonzero(values > 4.0 * slowest)
-        if not len(fast):
-            return slowest
         order = fast[np.argsort(-values[fast])]
         share = np.cumsum(self._area.numpy()[order]) / self._surface.area
         needed = values[order[min(int(np.searchsorted(share, MOST_SLOWED)), len(order) - 1)]]
