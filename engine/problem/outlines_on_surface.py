@@ -82,8 +82,12 @@ class OutlinesOnSurface:
 
     @property
     def out_of_reach(self) -> np.ndarray:
-        """How far from the surface those were given that do not reach it from there [m]."""
-        return self.away[self.away > self.reach]
+        """How far from the surface spots were given from which nothing reaches it [m]."""
+        if not len(self):
+            return self.away
+        order, start, reach = self._spots
+        away = self.away[order[start[:-1]]]
+        return away[away > reach]
 
     def larger_than(self, reach: float) -> OutlinesOnSurface:
         """Those that reach farther [m]."""

@@ -526,3 +526,12 @@ def test_a_polygon_of_many_corners_is_met_as_it_is():
     assert away.min() > 0.99 * radius and placement.report.in_obstacles == 0
     # Between its points, too.
     assert (np.linalg.norm(placement.position, axis=1) < 0.6).sum() > 5
+
+
+def test_a_polygon_of_several_pieces_that_is_far_from_the_surface_is_told_as_one():
+    angle = np.linspace(0, 2 * np.pi, 10, endpoint=False)
+    star = (0.3 + 0.15 * (np.arange(10) % 2))[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    classes = [esh.BodyClass("a", [esh.Size("s", 1e-3, 50)])]
+    far = esh.Obstacle(polygon=star, position=(0, 0, 9))
+    problem = esh.Problem(square(), classes, avoid_overlap=True, obstacles=[far])
+    assert problem.outlines_on_surface.out_of_reach == pytest.approx([9.0])
