@@ -552,7 +552,13 @@ def _on_triangles(
     third = np.full((len(known), 3), 1.0 / 3.0)
     corner = surface.position[surface.triangle[surface.locate(mesh[known], triangle[known], third).triangle]]
     for row in np.flatnonzero(free).tolist():
-        nearest = nearest_in(corner[row : row + 1], position[known[row]])
+        place = position[known[row]]
+        nearest = nearest_in(corner[row : row + 1], place)
+        away = float(np.linalg.norm(nearest[0] @ corner[row] - place))
+        if away > np.linalg.norm(corner[row] - np.roll(corner[row], 1, axis=0), axis=1).max():
+            number = int(triangle[known[row]])
+            said = f"must be one that `fixed.position` is near, if no `fixed.barycentric` is given; got {number}, {away:.3g} m away"
+            raise _wrong(parts, int(known[row]), "triangle", said)
         on_mesh = surface.locate(mesh[known[[row]]], triangle[known[[row]]], nearest)
         # It may be turned round there, and back.
         weight[row] = on_mesh.barycentric[0]

@@ -216,6 +216,7 @@ def test_what_has_no_meaning_on_a_surface_is_said():
     ("named", "said"),
     [
         ({"triangle": 99999}, "`fixed.triangle` must be below 1280, the number of triangles of mesh 0; got 99999"),
+        ({"triangle": 5}, "`fixed.triangle` must be one that `fixed.position` is near, if no .* got 5, 1.12 m away"),
         ({"triangle": 0, "mesh": 4}, "`fixed.mesh` must be below 1, the number of meshes of the surface; got 4"),
         ({"triangle": 0, "barycentric": [[5, 0, 0]]}, "three numbers of 0 or more whose sum is 1; got .5.0, 0.0, 0.0."),
         ({"triangle": 0, "barycentric": [[np.nan, 0, 0]]}, "three numbers of 0 or more whose sum is 1; got .nan"),
