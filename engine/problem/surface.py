@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import ProblemError
 from . import validation
+from .connected import connected
 from .settings import settle
 from .sides import Sides, sides_of
 from .smooth_normals import corner_normals, creased_sides
@@ -423,7 +424,7 @@ def _turned(sides: Sides) -> np.ndarray:
     turned = np.zeros(count, bool)
     if not against.any():
         return turned
-    sheet = _connected(count, one, other)
+    sheet = connected(count, one, other)
     # Only sheets with a contradiction are gone through, from triangle to triangle.
     wrong = np.zeros(int(sheet.max()) + 1, bool)
     wrong[sheet[one[against]]] = True
@@ -458,23 +459,5 @@ def _turned(sides: Sides) -> np.ndarray:
 def _parts(welded: np.ndarray) -> np.ndarray:
     """Number of the part that every triangle is in: triangles that share a vertex are in one part."""
     vertex = np.arange(int(welded.max()) + 1)
-    label = _connected(len(vertex), welded[:, [0, 1]].ravel(), welded[:, [1, 2]].ravel())
+    label = connected(len(vertex), welded[:, [0, 1]].ravel(), welded[:, [1, 2]].ravel())
     return np.unique(label[welded[:, 0]], return_inverse=True)[1].ravel()
-
-
-def _connected(count: int, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Number of the connected component of every one of ``count`` things, of which pairs are joined."""
-    label = np.arange(count)
-    while True:
-        a, b = label[one], label[other]
-        apart = a != b
-        if not apart.any():
-            return np.unique(label, return_inverse=True)[1].ravel()
-        one, other, a, b = one[apart], other[apart], a[apart], b[apart]
-        # The larger label hooks onto the smaller one; then every thing follows its label to the end.
-        np.minimum.at(label, np.maximum(a, b), np.minimum(a, b))
-        while True:
-            further = label[label]
-            if np.array_equal(further, label):
-                break
-            label = further

@@ -320,7 +320,7 @@ def overlaps_on_sheets(
     if not count_them():
         return Overlaps(0)
     # Only now it matters what belongs together.
-    of_triangle = sheets_of(surface, n)
+    of_triangle = sheets_of(surface, n, launcher)
     if of_triangle.max() > of_triangle.min():
         sheets.sheet.assign(of_triangle[bodies.points.triangle].astype(np.int32))
         if not count_them():

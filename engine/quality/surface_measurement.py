@@ -102,7 +102,7 @@ def _spacing(placement: Placement, bodies: BodiesOnSurface, launcher: Launcher) 
     position = bodies.in_units(launcher, unit)
     grid = wp.HashGrid(CELLS, CELLS, CELLS, device=launcher.device)
     grid.build(position, NEIGHBORS)
-    of_triangle = sheets_of(surface, n)
+    of_triangle = sheets_of(surface, n, launcher)
     one_sheet = of_triangle.min() == of_triangle.max()
     sheet = launcher.alike(
         of_all(np.int32(0), n) if one_sheet else of_triangle[points.triangle].astype(np.int32), wp.int32

@@ -8,8 +8,10 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
+from ..problem.connected import connected
 from ..problem.surface import Surface
 from . import kernels_facets
+from .continuations import continued_parts
 
 __all__ = ["joined_parts"]
 
@@ -43,9 +45,11 @@ def joined_parts(launcher: Launcher, surface: Surface, unit: float) -> tuple[np.
     if len(triangle):
         found, number = _beyond(launcher, surface, unit, triangle, corner)
         hit = found >= 0
-        part = _united(part, part[triangle[number[hit]]], part[found[hit]])
+        part = connected(int(part.max()) + 1, part[triangle[number[hit]]], part[found[hit]])[part]
         goes_on = np.bincount(number, weights=hit, minlength=len(triangle)) > 0.5 * np.bincount(number)
         open_side[triangle[goes_on], corner[goes_on]] = False
+    part, continues = continued_parts(launcher, surface, unit, part, NEAR)
+    open_side &= ~continues
     area = np.bincount(part, surface.triangle_area / unit**2)
     crumb = area < CRUMBS
     if crumb.any() and not crumb.all():
@@ -107,18 +111,3 @@ def _distance_to_open_sides(place: np.ndarray, surface: Surface, triangle: np.nd
         distance = np.linalg.norm(start + along[:, None] * way - point, axis=1)
         nearest = np.where(surface.open_side[triangle, k], np.minimum(nearest, distance), nearest)
     return nearest
-
-
-def _united(part: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Parts, of which pairs are made one."""
-    label = np.arange(int(part.max()) + 1)
-    pairs = np.unique(np.stack([one, other], axis=1), axis=0)
-    for a, b in pairs.tolist():
-        while label[a] != a:
-            a = label[a]
-        while label[b] != b:
-            b = label[b]
-        label[max(a, b)] = min(a, b)
-    while not np.array_equal(label[label], label):
-        label = label[label]
-    return label[part]

@@ -2,6 +2,7 @@
 
 import importlib.util
 import sys
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -189,7 +190,8 @@ def square(corner, side=1.0, cells=4, height=0.0):
 )
 def test_parts_are_one_sheet_where_their_borders_meet(parts, one):
     surface = Surface(parts)
-    sheet = sheets_of(surface, 200)
+    with closing(Launcher(resolve_device("cpu"))) as launcher:
+        sheet = sheets_of(surface, 200, launcher)
     first = [sheet[surface.source == start][0] for start in np.cumsum([0, *(len(p.triangles) for p in parts[:-1])])]
     if one is None:
         assert first[1] == first[2] != first[0]
