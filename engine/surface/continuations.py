@@ -1,6 +1,6 @@
-"""Where closed parts of a surface that touch continue on each other: a crease of one lies on a crease of the other.
+"""Where parts of a surface that touch continue on each other: a crease or border of one lies on one of the other, or on a face.
 
-Modular pieces are like that, which stand side by side and share no corners: seen from outside they are one surface.
+Pieces of a kit are like that, which stand side by side or on each other and share no corners: from outside they are one surface.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def continued_parts(
         near: Edges no farther apart are one, in units.
 
     Returns:
-        The parts, shape ``[t]``, and whether the surface continues on another one at the side opposite of each corner,
+        The parts, shape ``[t]``, and whether the surface continues on another part at the side opposite of each corner,
         shape ``[t, 3]``.
     """
     continues = np.zeros((len(part), 3), bool)

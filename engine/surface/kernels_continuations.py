@@ -1,15 +1,22 @@
-"""Kernels that find where one part of a surface continues on another: edge beside edge, and smoothly across them."""
+"""Kernels that find where one part of a surface continues on another: at edges that lie on edges, or stand on faces."""
 
 from __future__ import annotations
 
 import warp as wp
 
+from .kernels_near_surface import nearest_in_triangle
+
 wp.set_module_options({"enable_backward": False})
 
-# Edges are one where they run along each other to within 2.6 degrees.
-ALONG_COSINE = wp.constant(0.999)
+# Edges are one where they run along each other to within 0.8 degrees: those of parts that run into each other cross.
+ALONG_COSINE = wp.constant(0.9999)
 # The faces beside them look to about the same side, and lie on opposite ones of the edge: within 60 degrees.
 SMOOTH_COSINE = wp.constant(0.5)
+# An edge lies in a face whose normal it is at right angles to, to within 0.8 degrees, and the face beside it rises by 30 or more.
+IN_FACE_COSINE = wp.constant(0.014)
+LEAST_RISE = wp.constant(0.5)
+# It rises by so much at least, in units: the bodies on a thinner plate would see those below that it hides.
+LEAST_HEIGHT = wp.constant(1.0)
 
 
 @wp.struct
@@ -42,6 +49,39 @@ def from_segment(point: wp.vec3, start: wp.vec3, end: wp.vec3) -> float:
     return wp.length(point - start - along * way)
 
 
+@wp.func
+def edge_beside(
+    mesh: wp.uint64, edges: int, other: int, p: wp.vec3, along: wp.vec3, inward: wp.vec3, near: float
+) -> bool:
+    """Whether one of a triangle's ``edges`` (bit k: opposite of corner k) lies at a point of another edge, and it beyond that."""
+    for corner in range(3):
+        if (edges >> corner & 1) == 1:
+            start = wp.mesh_get_point(mesh, 3 * other + (corner + 1) % 3)
+            end = wp.mesh_get_point(mesh, 3 * other + (corner + 2) % 3)
+            apex = wp.mesh_get_point(mesh, 3 * other + corner)
+            runs_along = wp.abs(wp.dot(wp.normalize(end - start), along)) > ALONG_COSINE
+            opposite = wp.dot(inward_of(start, end, apex), inward) < -SMOOTH_COSINE
+            if runs_along and opposite and from_segment(p, start, end) <= near:
+                return True
+    return False
+
+
+@wp.func
+def is_in(mesh: wp.uint64, other: int, p: wp.vec3, near: float) -> bool:
+    """Whether a triangle holds a point."""
+    a, b = wp.mesh_get_point(mesh, 3 * other), wp.mesh_get_point(mesh, 3 * other + 1)
+    return wp.length(nearest_in_triangle(p, a, b, wp.mesh_get_point(mesh, 3 * other + 2)) - p) <= near
+
+
+@wp.func
+def rises(mesh: wp.uint64, part: wp.array(dtype=wp.int32), own: int, p: wp.vec3, inward: wp.vec3, near: float) -> bool:
+    """Whether a part, ``own``, goes on from a point of an edge along the face beside it for at least a unit."""
+    hit = wp.mesh_query_point_no_sign(mesh, p + LEAST_HEIGHT * inward, near)
+    if not hit.result:
+        return False
+    return part[hit.face] == own
+
+
 @wp.kernel(enable_backward=False)
 def find_continuations(
     first: int,
@@ -58,25 +98,23 @@ def find_continuations(
     """Find a triangle of another part that the surface continues on across an edge, at points of edges; -1 where there is none."""
     i = first + wp.tid()
     own, p = side[i], point[i]
-    near = sides.near[own]
-    triangle = sides.triangle[own]
+    triangle, along, inward, near = sides.triangle[own], sides.along[own], sides.inward[own], sides.near[own]
     found[i] = -1
+    # Whether the face beside the edge is high enough to stand on another one: 1 or 0; -1 before that was asked.
+    high = int(-1)
     reach = wp.vec3(near, near, near)
     query = wp.mesh_query_aabb(mesh, p - reach, p + reach)
     other = int(0)
     while wp.mesh_query_aabb_next(query, other):
-        if part[other] == part[triangle] or edge_sides[other] == 0:
+        # Of several the first, in whatever order they come.
+        if part[other] == part[triangle] or (found[i] >= 0 and found[i] < other):
             continue
-        if wp.dot(normal[other], normal[triangle]) < SMOOTH_COSINE:
-            continue
-        for corner in range(3):
-            if (edge_sides[other] >> corner & 1) == 1:
-                start = wp.mesh_get_point(mesh, 3 * other + (corner + 1) % 3)
-                end = wp.mesh_get_point(mesh, 3 * other + (corner + 2) % 3)
-                apex = wp.mesh_get_point(mesh, 3 * other + corner)
-                runs_along = wp.abs(wp.dot(wp.normalize(end - start), sides.along[own])) > ALONG_COSINE
-                opposite = wp.dot(inward_of(start, end, apex), sides.inward[own]) < -SMOOTH_COSINE
-                beside = runs_along and opposite and from_segment(p, start, end) <= near
-                # Of several the first, in whatever order they come.
-                if beside and (found[i] < 0 or other < found[i]):
-                    found[i] = other
+        if wp.dot(normal[other], normal[triangle]) > SMOOTH_COSINE:
+            if edge_beside(mesh, edge_sides[other], other, p, along, inward, near):
+                found[i] = other
+        flat = wp.abs(wp.dot(normal[other], along)) < IN_FACE_COSINE
+        if flat and wp.dot(normal[other], inward) > LEAST_RISE and is_in(mesh, other, p, near):
+            if high < 0:
+                high = wp.where(rises(mesh, part, part[triangle], p, inward, near), 1, 0)
+            if high == 1:
+                found[i] = other

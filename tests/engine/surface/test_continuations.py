@@ -43,12 +43,16 @@ ONE = {
     "walls of other triangles": [box(2, 0.2, 1, finer=2), box(1.3, 0.2, 1, (1.65, 0, 0.1), 3)],
     "a gap of a thousandth": [box(1, 1, 1), box(1, 1, 1, (1.001, 0.3, 0))],
     "bricks": [box(0.4, 0.2, 0.2, (0.4 * i + 0.2 * (j % 2), 0, 0.2 * j)) for i in range(4) for j in range(4)],
+    "a box on the ground": [sheet(3, 3, (0, 0, 0)), box(1, 1, 1, (0, 0, 0.5))],
+    "a smaller box on a box": [box(1, 1, 1), box(0.6, 0.6, 0.6, (0, 0, 0.8))],
+    "ground that ends at a wall": [sheet(2, 2, (0, 0, 0.2)), box(1, 2, 1, (1.5, 0.3, 0))],
     "ground that ends at a box": [sheet(2, 2, (0, 0, 0.5)), box(1, 2, 1, (1.5, 0.3, 0))],
 }
 SEVERAL = {
-    "a box on the ground": [sheet(3, 3, (0, 0, 0)), box(1, 1, 1, (0, 0, 0.5))],
+    "a thin plate on the ground": [sheet(3, 3, (0, 0, 0)), box(1, 1, 0.02, (0, 0, 0.01))],
+    "a ball on the ground": [sheet(3, 3, (0, 0, 0)), trimesh.creation.icosphere(3).apply_translation((0, 0, 1))],
+    "a box that is sunk into the ground": [sheet(3, 3, (0, 0, 0)), box(1, 1, 1, (0, 0, 0.2))],
     "a sheet on a wall": [box(2, 0.2, 1), sheet(1.1, 1, (0, -0.1, 0), standing=True)],
-    "a smaller box on a box": [box(1, 1, 1), box(0.6, 0.6, 0.6, (0, 0, 0.8))],
     "rough balls that run into each other": [rough_ball(0, (0, 0, 0)), rough_ball(1, (1.5, 0, 0))],
     "boxes apart": [box(1, 1, 1), box(1, 1, 1, (1.02, 0.3, 0))],
 }
