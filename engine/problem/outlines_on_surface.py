@@ -1,4 +1,4 @@
-"""Obstacles that are outlines on a surface: where they lie, and how far points of it are from them.
+"""Obstacles that are outlines on a surface, and how far points of it are from them.
 
 Everything here is told by the outlines themselves, each in the plane between the two that touch the smooth surface at it and at a
 point, as outlines of bodies meet each other.
@@ -6,28 +6,21 @@ point, as outlines of bodies meet each other.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from weakref import ref
 
 import numpy as np
 
-from ..errors import ProblemError
 from .footprint import Footprint
-from .nearest_on_triangles import corner_weights, nearest_on_triangles
-from .obstacles import Obstacle
 from .one_sheet import LEAST_COSINE, STEEPER
-from .surface import PointsOnSurface, Surface
-from .unit_vectors import tangent_frame, unit_vectors
+from .outline_distances import OutlineCorners
+from .surface import PointsOnSurface
+from .unit_vectors import turned, unit_vectors
 
-__all__ = ["OutlinesOnSurface", "distance_from_outline", "outlines_on_surface"]
+__all__ = ["OutlinesOnSurface"]
 
-# What the settings of an obstacle may hold.
-Given = np.ndarray | Sequence[float] | Sequence[Sequence[float]] | None
-
-# Normals that look away from a face by more than this cosine say nothing of the plane that a tangent lies in.
-STEEPEST = 0.2
 # Levels of size, each of outlines within a factor of two; whatever is smaller still goes into the last.
 MOST_LEVELS = 12
 # Points whose share is remembered, at most so many times some.
@@ -193,8 +186,8 @@ class OutlinesOnSurface:
             result[own] = np.minimum(result[own], np.minimum.reduceat(found, first))
 
     @cached_property
-    def _corners(self) -> _Corners:
-        return _Corners([one.corners for one in self.shapes])
+    def _corners(self) -> OutlineCorners:
+        return OutlineCorners([one.corners for one in self.shapes])
 
     @cached_property
     def _circles(self) -> tuple[np.ndarray, np.ndarray]:
@@ -212,36 +205,10 @@ class OutlinesOnSurface:
         between = unit_vectors(own + normal)
         flat = way - np.einsum("nd,nd->n", way, between)[:, None] * between
         flat *= (away / np.maximum(np.linalg.norm(flat, axis=1), 1e-300))[:, None]
-        flat = _turned(flat, between, own)
+        flat = turned(flat, between, own)
         along = self.along[outline]
         beside = np.cross(own, along)
         return np.einsum("nd,nd->n", flat, along), np.einsum("nd,nd->n", flat, beside)
-
-
-class _Corners:
-    """Corners of outlines, in tables of those that have as many.
-
-    Args:
-        corners: Of every outline, counter-clockwise, shape ``[k, 2]``.
-    """
-
-    def __init__(self, corners: Sequence[np.ndarray]) -> None:
-        self._count = np.array([len(one) for one in corners], np.int64)
-        self._row = np.zeros(len(corners), np.int64)
-        self._table: dict[int, np.ndarray] = {}
-        for k in np.unique(self._count).tolist():
-            own = np.flatnonzero(self._count == k)
-            self._row[own] = np.arange(len(own))
-            self._table[k] = np.array([corners[number] for number in own])
-
-    def distance(self, place: np.ndarray, number: np.ndarray) -> np.ndarray:
-        """Return how far places ``[n, 2]`` are from the outline of this number each, shape ``[n]``; below 0 within it."""
-        result, count = np.empty(len(place)), self._count[number]
-        for k, table in self._table.items():
-            own = np.flatnonzero(count == k)
-            if len(own):
-                result[own] = _distance_from(place[own], table, self._row[number[own]])
-        return result
 
 
 class _Level:
@@ -283,120 +250,6 @@ class _Level:
         return row, self._member[first[row] + within]
 
 
-def outlines_on_surface(surface: Surface, obstacles: Sequence[Obstacle]) -> OutlinesOnSurface:
-    """Return those of some obstacles that are outlines on a surface, where they lie on it."""
-    lying = [obstacle for obstacle in obstacles if obstacle.position is not None]
-    count = np.array([len(np.asarray(one.position)) for one in lying], np.int64)
-    own = [np.arange(end - number, end) for end, number in zip(np.cumsum(count), count, strict=True)]
-    shapes: list[Footprint] = []
-    # Of every outline: its core, the obstacle, and the spot.
-    parts: list[np.ndarray] = [np.empty((3, 0), np.int64)]
-    for number, obstacle in enumerate(lying):
-        for core in obstacle.cores:
-            parts.append(
-                np.stack([np.full_like(own[number], len(shapes)), np.full_like(own[number], number), own[number]])
-            )
-            shapes.append(core)
-    shape, of_obstacle, spot = np.concatenate(parts, axis=1)
-    scale = np.concatenate([np.empty(0), *(np.asarray(one.scale) for one in lying)])
-    triangle, weight = _places(surface, lying)
-    points = surface.points(triangle, weight)
-    given = _of_spots(lying, [one.position for one in lying])
-    face, normal = points.normal, points.smooth_normal
-    flat = _laid_onto(
-        _of_spots(lying, [one.tangent for one in lying]), _of_spots(lying, [one.normal for one in lying]), face
-    )
-    # A tangent that stands upright says nothing.
-    told = np.linalg.norm(flat, axis=1) > 1e-6
-    along = _turned(np.where(told[:, None], unit_vectors(flat), tangent_frame(face)[0]), face, normal)
-    return OutlinesOnSurface(
-        tuple(shapes),
-        shape.astype(np.int32),
-        scale[spot],
-        np.array([one.margin for one in lying] + [0.0])[of_obstacle],
-        surface.points(triangle[spot], weight[spot]),
-        points.position[spot],
-        normal[spot],
-        along[spot],
-        np.linalg.norm(given - points.position, axis=1)[spot],
-        spot,
-    )
-
-
-def _of_spots(obstacles: Sequence[Obstacle], values: Sequence[Given]) -> np.ndarray:
-    """Vectors of all the spots of obstacles, one after the other, shape ``[spots, 3]``; NaN where an obstacle has none."""
-    given = [
-        np.full(np.asarray(one.position).shape, np.nan) if value is None else np.asarray(value, np.float64)
-        for one, value in zip(obstacles, values, strict=True)
-    ]
-    return np.concatenate([np.empty((0, 3)), *given])
-
-
-def _laid_onto(tangent: np.ndarray, normal: np.ndarray, face: np.ndarray) -> np.ndarray:
-    """Tangents laid onto the planes of faces along the normals that came with them, as those of bodies are laid into theirs."""
-    steep = ~(np.einsum("nd,nd->n", normal, face) > STEEPEST)
-    along = np.where(steep[:, None], face, normal)
-    height = np.einsum("nd,nd->n", tangent, face) / np.einsum("nd,nd->n", along, face)
-    return tangent - height[:, None] * along
-
-
-def _places(surface: Surface, obstacles: Sequence[Obstacle]) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles of a surface that the spots of obstacles are on, and the weights of their corners."""
-    position = _of_spots(obstacles, [one.position for one in obstacles])
-    triangle, weight = np.empty(len(position), np.int64), np.empty((len(position), 3))
-    told = np.repeat(
-        np.array([one.triangle is not None for one in obstacles], bool),
-        np.array([len(np.asarray(one.position)) for one in obstacles], np.int64),
-    )
-    looks = np.nan_to_num(_of_spots(obstacles, [one.normal for one in obstacles]))
-    free = np.flatnonzero(~told)
-    if len(free):
-        corner = surface.position[surface.triangle]
-        triangle[free], weight[free] = nearest_on_triangles(corner, position[free], looks[free])
-    first = 0
-    for obstacle in obstacles:
-        own = slice(first, first + len(np.asarray(obstacle.position)))
-        first = own.stop
-        if obstacle.triangle is not None:
-            triangle[own], weight[own] = _told_places(surface, obstacle)
-    return triangle, weight
-
-
-def _told_places(surface: Surface, obstacle: Obstacle) -> tuple[np.ndarray, np.ndarray]:
-    """The same for an obstacle that says on which triangles it is."""
-    position = np.asarray(obstacle.position)
-    mesh, triangle = np.asarray(obstacle.mesh), np.asarray(obstacle.triangle)
-    wrong = surface.wrong_triangle(mesh, triangle)
-    if wrong is not None:
-        raise ProblemError(f"`obstacle.{wrong[0]}` {wrong[2]}")
-    third = np.full((len(position), 3), 1.0 / 3.0)
-    own = surface.locate(mesh, triangle, third).triangle
-    weight = np.maximum(corner_weights(surface.position[surface.triangle[own]], position), 0.0)
-    return own, weight / weight.sum(axis=1, keepdims=True)
-
-
-def distance_from_outline(place: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Return how far places ``[n, 2]`` are from a convex polygon, a segment or a point, shape ``[n]``; below 0 within a polygon."""
-    return _distance_from(place, corners[None], np.zeros(len(place), np.int64))
-
-
-def _distance_from(place: np.ndarray, table: np.ndarray, row: np.ndarray) -> np.ndarray:
-    """The same from the outline in this row of a table each; the table has shape ``[outlines, corners, 2]``."""
-    count = table.shape[1]
-    squared = np.full(len(place), np.inf)
-    inside = np.full(len(place), count > 2)
-    edges = np.roll(table, -1, axis=1) - table
-    lengths = np.maximum(np.einsum("mkd,mkd->mk", edges, edges), 1e-300)
-    for k in range(count):
-        edge, way = edges[row, k], place - table[row, k]
-        along = np.clip(np.einsum("nd,nd->n", way, edge) / lengths[row, k], 0.0, 1.0)
-        off = way - along[:, None] * edge
-        np.minimum(squared, np.einsum("nd,nd->n", off, off), out=squared)
-        inside &= edge[:, 0] * way[:, 1] - edge[:, 1] * way[:, 0] >= 0.0
-    away = np.sqrt(squared)
-    return np.where(inside, -away, away)
-
-
 def _on_one_sheet(way: np.ndarray, away: np.ndarray, normal: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Whether what lies at ways from somewhere lies on the sheet of the surface that is there; normals here and there."""
     cosine = np.einsum("nd,nd->n", normal, other)
@@ -404,9 +257,3 @@ def _on_one_sheet(way: np.ndarray, away: np.ndarray, normal: np.ndarray, other: 
     leaves = np.arcsin(np.minimum(np.abs(np.einsum("nd,nd->n", way, normal)) / apart, 1.0))
     leaves += np.arcsin(np.minimum(np.abs(np.einsum("nd,nd->n", way, other)) / apart, 1.0))
     return (cosine >= LEAST_COSINE) & (leaves <= np.arccos(np.clip(cosine, -1.0, 1.0)) + STEEPER)
-
-
-def _turned(vector: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:
-    """Vectors at right angles to normals, turned the shortest way to where the normals are others, shape ``[n, 3]``."""
-    turn = np.einsum("nd,nd->n", new, vector) / np.maximum(1.0 + np.einsum("nd,nd->n", old, new), 0.05)
-    return vector - turn[:, None] * (old + new)

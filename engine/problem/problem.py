@@ -27,7 +27,8 @@ from .feasibility import check_feasible, check_known_in_rectangles, check_known_
 from .fixed_bodies import FixedBodies, FixedBody, FixedTable, fixed_table
 from .obstacles import Obstacle
 from .of_bodies import of_bodies
-from .outlines_on_surface import OutlinesOnSurface, outlines_on_surface
+from .outlines_of_obstacles import outlines_of_obstacles
+from .outlines_on_surface import OutlinesOnSurface
 from .prepared_class import PreparedClass, beside_counted, beside_fixed, cut_out, cut_out_on_surface, prepare_all
 from .settings import Settings, described, setting, settle, takes, values_of, with_changes
 from .size import with_count
@@ -132,7 +133,7 @@ class Problem(ProblemSettings):
         prepared = bases
         if isinstance(domain, Surface):
             check_known_on_surfaces(bases, obstacles)
-            outlines = outlines_on_surface(domain, obstacles)
+            outlines = outlines_of_obstacles(domain, obstacles)
             settle(self, outlines_on_surface=outlines)
             if obstacles:
                 prepared = tuple(cut_out_on_surface(c, domain, obstacles, outlines) for c in bases)
@@ -159,7 +160,7 @@ class Problem(ProblemSettings):
     def outlines_on_surface(self) -> OutlinesOnSurface:
         """Obstacles that are outlines on the surface, of a problem that lies on one."""
         assert isinstance(self.domain, Surface)
-        return outlines_on_surface(self.domain, self.obstacles)
+        return outlines_of_obstacles(self.domain, self.obstacles)
 
     def _beside_counted(self, classes: tuple[PreparedClass, ...]) -> tuple[PreparedClass, ...]:
         """Classes of which those that are to cover the ground, without overlap, leave room for those whose counts are given."""

@@ -1,10 +1,10 @@
-"""Vectors of length 1."""
+"""Vectors of length 1, and vectors along a surface."""
 
 from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["tangent_frame", "unit_vectors"]
+__all__ = ["tangent_frame", "turned", "unit_vectors"]
 
 
 def unit_vectors(vector: np.ndarray) -> np.ndarray:
@@ -19,3 +19,9 @@ def tangent_frame(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     first = wanted - (wanted * normal).sum(axis=1, keepdims=True) * normal
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     return first, np.cross(normal, first)
+
+
+def turned(vector: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """Return vectors at right angles to normals, turned the shortest way to where the normals are others, shape ``[n, 3]``."""
+    turn = np.einsum("nd,nd->n", new, vector) / np.maximum(1.0 + np.einsum("nd,nd->n", old, new), 0.05)
+    return vector - turn[:, None] * (old + new)

@@ -7,7 +7,8 @@ import warp as wp
 
 from ..device.launcher import Launcher
 from ..problem.body_kind import radius_of
-from ..problem.outlines_on_surface import OutlinesOnSurface, outlines_on_surface
+from ..problem.outlines_of_obstacles import outlines_of_obstacles
+from ..problem.outlines_on_surface import OutlinesOnSurface
 from ..problem.problem import Problem
 from ..problem.surface import Surface
 from ..space.cell_sort import CellSort
@@ -26,7 +27,7 @@ CELLS_OF_ROOM = 0.5
 def outlines_among(model: Model) -> OutlinesOnSurface:
     """Return the obstacles that stand among bodies whose outlines are parted: none where bodies may overlap."""
     problem = model.problem
-    return problem.outlines_on_surface if problem.avoid_overlap else outlines_on_surface(_surface_of(problem), ())
+    return problem.outlines_on_surface if problem.avoid_overlap else outlines_of_obstacles(_surface_of(problem), ())
 
 
 def spots_of_outlines(launcher: Launcher, facets: Facets, outlines: OutlinesOnSurface) -> Spots:
