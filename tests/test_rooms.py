@@ -21,7 +21,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "cascade": {"device", "space", "surface"},
     "field": {"device", "space", "transforms"},
     "solver": {"cascade", "device", "field", "problem", "space", "surface"},
-    "quality": {"device", "field", "problem", "space", "transforms"},
+    "quality": {"device", "field", "problem", "space", "surface", "transforms"},
     "files": {"problem"},
     "drawing": {"files", "problem"},
     "scenes": {"device", "files", "problem", "solve"},

@@ -43,6 +43,11 @@ MOST_LAYERS = 8.0
 # Share of its darkness that a picture may lack or have too much of for its widths to stay as they are: where lines do not overlap,
 # they all have one.
 UNNOTICED = 0.02
+# The same of the darkest parts of a picture, tenth by tenth from this tone on, where there are so many cells of one: lines that hardly
+# overlap in most of it may do so there.
+UNNOTICED_IN_TONE, DARK, FEWEST_OF_TONE = 0.04, 3, 16
+# So many cells beside the border have lines that reach out of the picture.
+BESIDE_BORDER = 3
 # Nothing is asked to be darker than this: it would take infinitely wide lines.
 DARKEST = 0.985
 # Added to a tone before its logarithm is taken.
@@ -82,7 +87,7 @@ def _factors(placement: Placement, index: int, own: np.ndarray, adapts: np.ndarr
     asked = _blurred(np.minimum(tone, 1.0), domain)
     factor, gain, before = np.ones(shape), np.full(shape, GAIN), np.zeros(shape)
     drawn = drawing.draw(factor)
-    if abs(drawn.mean() / asked.mean() - 1.0) >= UNNOTICED:
+    if abs(drawn.mean() / asked.mean() - 1.0) >= UNNOTICED or _lacks_tone(_blurred(drawn, domain), asked):
         for _ in range(TIMES):
             missing = np.log(_opacity(asked) / _opacity(_blurred(drawn, domain)))
             gain = np.minimum(gain * np.where(missing * before < 0.0, BACK, ON), 1.0)
@@ -90,6 +95,14 @@ def _factors(placement: Placement, index: int, own: np.ndarray, adapts: np.ndarr
             before = missing
             drawn = drawing.draw(factor)
     return drawing.factor.numpy().astype(np.float64)
+
+
+def _lacks_tone(drawn: np.ndarray, asked: np.ndarray) -> bool:
+    """Whether cells of some dark tone are too light, taken together, but for those at the border; both blurred."""
+    drawn, asked = (values[BESIDE_BORDER:-BESIDE_BORDER, BESIDE_BORDER:-BESIDE_BORDER] for values in (drawn, asked))
+    tenth = np.minimum(10.0 * asked, 9.0).astype(np.int64).ravel()
+    cells, wanted, there = (np.bincount(tenth, w, 10)[DARK:] for w in (None, asked.ravel(), drawn.ravel()))
+    return bool(((cells >= FEWEST_OF_TONE) & (there < (1.0 - UNNOTICED_IN_TONE) * wanted)).any())
 
 
 def _opacity(tone: np.ndarray) -> np.ndarray:

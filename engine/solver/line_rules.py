@@ -32,7 +32,7 @@ __all__ = [
 
 # Lines start at this share of their preferred length: short enough not to cross, and grow while they spread.
 FIRST_LENGTH = 0.1
-# Side of the blocks in which lines get the lengths of an image, in spacings of lines: a block has some dozens of them.
+# Side of the blocks in which lines get their lengths, in spacings of lines: a block has some dozens of them.
 BLOCK = 6.0
 
 
@@ -168,7 +168,11 @@ class LineRules:
 
 
 def length_blocks(model: Model) -> list[tuple[int, int]]:
-    """Rows and columns of blocks in which kinds of lines get their lengths; none for a number, and where no force changes them."""
+    """Rows and columns of blocks in which kinds of lines get their lengths; none for one length in an even density.
+
+    Forces stretch lines to where there are few, so that one factor for all would leave them longer in light parts of a picture than
+    in dark ones. Lengths that no force changes have no blocks, either.
+    """
     result: list[tuple[int, int]] = []
     if not model.kinds:
         return result
@@ -176,7 +180,8 @@ def length_blocks(model: Model) -> list[tuple[int, int]]:
     count = np.bincount(model.body.kind + 1, minlength=len(model.kinds) + 1)[1:]
     for kind, many in zip(model.kinds, count.tolist(), strict=True):
         line = kind.line
-        if line.longest == line.shortest or line.stretch_weights[0] <= 0.0:
+        even = line.longest == line.shortest and kind.body_class.density_image.size == 1
+        if even or line.stretch_weights[0] <= 0.0:
             result.append((0, 0))
             continue
         side = BLOCK * math.sqrt(domain.area / max(many, 1))

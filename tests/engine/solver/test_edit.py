@@ -464,12 +464,12 @@ def test_edits_leave_nothing_behind():
 
 
 def test_what_lengths_were_pressed_by_is_known_after_an_edit():
-    """Block by block, also where there are more blocks than before, and where lengths were a number."""
+    """Block by block, also where there are more blocks than before, and where there were none: a number in an even density."""
     wanted = np.tile(np.linspace(1.0, 3.0, 40), (30, 1))
     ramp = np.tile(np.linspace(1.0, 0.2, 40), (30, 1))
 
-    def problem_of(count, length):
-        return Problem(DOMAIN, [BodyClass("k", [Size("a", 0.3, count, line=Line(length, "none"))], ramp)])
+    def problem_of(count, length, density=ramp):
+        return Problem(DOMAIN, [BodyClass("k", [Size("a", 0.3, count, line=Line(length, "none"))], density)])
 
     def by_halves(solver):
         factor = solver.state.length_factor.numpy()
@@ -482,7 +482,7 @@ def test_what_lengths_were_pressed_by_is_known_after_an_edit():
         assert abs(before[0] - before[1]) > 0.02
         solver.edit(problem_of(800, wanted), steps=0)
         np.testing.assert_allclose(by_halves(solver), before, atol=0.3 * abs(before[0] - before[1]))
-        solver.edit(problem_of(800, 2.0), steps=5)
+        solver.edit(problem_of(800, 2.0, 1.0), steps=5)
         one = float(solver.state.length_factor.numpy()[0])
         solver.edit(problem_of(800, wanted), steps=0)
         np.testing.assert_allclose(by_halves(solver), one, rtol=1e-6)

@@ -219,6 +219,29 @@ def test_lengths_of_an_image_are_met_place_by_place(boundary):
             assert placement.length[here].mean() == pytest.approx(asked[here].mean(), rel=0.1)
 
 
+def test_one_length_is_met_place_by_place_where_a_density_varies():
+    """In the mean it was; short lines were half as long again where there were few, so that light parts were too dark."""
+    density = np.tile(np.linspace(0.05, 0.35, 60), (60, 1))
+    size = Size("s", density.mean() * 3600.0 / 1200, 1200, line=Line(1.0))
+    placement = solve(Problem(Domain((60.0, 60.0)), [BodyClass("a", [size], density)]), device="cpu", max_steps=60)
+    column = (placement.position[:, 0] / 15.0).astype(int)
+    for k in range(4):
+        assert placement.length[column == k].mean() == pytest.approx(1.0, rel=0.1)
+
+
+def test_widths_make_up_for_what_only_a_small_dark_part_lacks():
+    """The picture as a whole lacks next to nothing, so that widths were left as they were, and the spots were too light."""
+    y, x = np.mgrid[0:100, 0:100] + 0.5
+    spots = sum(np.exp(-0.5 * np.hypot(x - a, y - b) ** 2 / 5.0**2) for a, b in ((25, 30), (70, 60)))
+    image, count = 0.35 + 0.6 * spots, 3500
+    size = Size("line", image.sum() / count, count, line=Line(2.0, "none"))
+    placement = solve(Problem(Domain((100.0, 100.0)), [BodyClass("ink", [size], image)]), device="cpu", max_steps=60)
+    drawn, asked = gaussian_blur(darkness_drawn(placement, 100), 1.5), gaussian_blur(image, 1.5)
+    dark = asked > 0.75
+    assert dark.sum() > 80
+    assert drawn[dark].mean() == pytest.approx(asked[dark].mean(), abs=0.02)
+
+
 def test_lines_that_cover_the_ground_many_times_are_left_as_they_are():
     """They would take long to draw, and are black in any case."""
     size = Size("s", 30.0, 400, line=Line(4.0, "none"))
