@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import ProblemError
+from ..errors import ProblemError, Reason, Refusal
 from .domain import Domain
 from .machine_memory import format_bytes, machine_memory
 from .prepared_class import PreparedClass
@@ -137,7 +137,8 @@ def _shape(image: np.ndarray, size: float, domain: Domain, name: str) -> tuple[i
         least = PIXELS_PER_CLUMP * max(domain.size) / MOST_PIXELS
         raise ProblemError(
             f'`clump_size` of class "{name}" must be at least {least:.3g} m in a domain of '
-            f"{domain.size[0]:g} x {domain.size[1]:g} m; got {size:.3g}"
+            f"{domain.size[0]:g} x {domain.size[1]:g} m; got {size:.3g}",
+            Refusal(Reason.CLUMPS_TOO_SMALL, size, least, (name, "")),
         )
     rows, columns = (own * math.ceil(many / own) for own, many in zip(image.shape, wanted, strict=True))
     required, available = memory_of_clumps(image, (rows, columns), size, domain), machine_memory()

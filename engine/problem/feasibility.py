@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import ProblemError
+from ..errors import ProblemError, Reason, Refusal
 from . import validation
 from .body_kind import disc_radius
 from .domain import Domain
@@ -88,6 +88,11 @@ def _check_line_on_surface(line: Line, where: str) -> None:
         )
 
 
+def _who(body_class: PreparedClass, size: Size) -> tuple[str, str]:
+    """Return how a refusal names a size: by its class alone where that has no other."""
+    return body_class.name, size.name if len(body_class.sizes) > 1 else ""
+
+
 def _check_balance(problem: Problem) -> None:
     matrix = problem.balance.non_overlap
     if matrix is not None and len(matrix) != len(problem.classes):
@@ -116,12 +121,14 @@ def _check_lines(problem: Problem) -> None:
             if size.line is not None and size.line.longest > most:
                 raise ProblemError(
                     f'`line.length` of size "{size.name}" of class "{c.name}" must not be longer than the domain, {most:g} m; '
-                    f"got {size.line.longest:g}"
+                    f"got {size.line.longest:g}",
+                    Refusal(Reason.LINE_TOO_LONG, size.kind.extent(size.area_span[1]), most, _who(c, size)),
                 )
             if size.line is not None and size.line.shortest < validation.SHORTEST_LINE * most:
                 raise ProblemError(
                     f'`line.length` of size "{size.name}" of class "{c.name}" must not be shorter than '
-                    f"{validation.SHORTEST_LINE:g} of the domain, {most:g} m; got {size.line.shortest:g}"
+                    f"{validation.SHORTEST_LINE:g} of the domain, {most:g} m; got {size.line.shortest:g}",
+                    Refusal(Reason.LINE_TOO_SHORT, size.line.shortest, most, _who(c, size)),
                 )
 
 
@@ -134,7 +141,8 @@ def _check_areas(problem: Problem) -> None:
         raise ProblemError(
             f'`area` of size "{large[1].name}" of class "{large[0].name}" must not be more than '
             f'{validation.MOST_AREA_RATIO:g} times that of size "{small[1].name}" of class "{small[0].name}"; got {high:g} and '
-            f"{low:g} m²"
+            f"{low:g} m²",
+            Refusal(Reason.AREAS_TOO_DIFFERENT, high, low, _who(*large), _who(*small)),
         )
     # Counts may be larger than any float.
     covered = sum(
@@ -143,7 +151,8 @@ def _check_areas(problem: Problem) -> None:
     if problem.avoid_overlap and covered > validation.MOST_COVERED:
         raise ProblemError(
             f"`avoid_overlap` cannot keep footprints apart that add up to {covered:.3g} times the domain; lower the counts or "
-            "the areas, or let them overlap"
+            "the areas, or let them overlap",
+            Refusal(Reason.TOO_MUCH_GROUND, covered, validation.MOST_COVERED),
         )
 
 
@@ -169,7 +178,13 @@ def _check_emphasis(problem: Problem) -> None:
             raise ProblemError(
                 f'`balance.size_emphasis` must not give the largest bodies of class "{c.name}" more than '
                 f"{validation.MOST_EMPHASIS:g} times the weight of its smallest; {show(emphasis)} gives them "
-                f"1e{powers / math.log(10.0):.0f} times as much"
+                f"1e{powers / math.log(10.0):.0f} times as much",
+                Refusal(
+                    Reason.TOO_MUCH_EMPHASIS,
+                    powers / math.log(10.0),
+                    math.log10(validation.MOST_EMPHASIS),
+                    (c.name, ""),
+                ),
             )
 
 
@@ -194,7 +209,8 @@ def _check_fixed(problem: Problem) -> None:
         got = largest if largest > validation.MOST_AREA_RATIO * low else smallest
         raise ProblemError(
             f"`fixed.area` must not be more than {validation.MOST_AREA_RATIO:g} times another body's, or so much less; got {got:g} "
-            f"beside {low:g} m²"
+            f"beside {low:g} m²",
+            Refusal(Reason.FIXED_AREA, got, low),
         )
     _check_fixed_lengths(problem, outlined=False)
 
@@ -213,7 +229,8 @@ def _check_fixed_lengths(problem: Problem, *, outlined: bool) -> None:
                 raise ProblemError(
                     f'`fixed.area` and `fixed.scale` of size "{size.name}" of class "{body_class.name}" must make bodies no longer '
                     f"than {most:,} times the {which}, {side:g} m, and at least {validation.SMALLEST_LENGTH:g} m wide; got "
-                    f"{longest:.3g} by {narrowest:.3g} m"
+                    f"{longest:.3g} by {narrowest:.3g} m",
+                    Refusal(Reason.FIXED_LENGTH, longest, side, _who(body_class, size)),
                 )
 
 
@@ -238,7 +255,8 @@ def _check_extents(problem: Problem) -> None:
             if extent > most * side:
                 raise ProblemError(
                     f'`{key}` of size "{size.name}" of class "{c.name}" must not make bodies longer than {most:,} times the '
-                    f"{which}, {side:g} m; they are {extent:g} m long"
+                    f"{which}, {side:g} m; they are {extent:g} m long",
+                    Refusal(Reason.BODY_TOO_LONG, extent, side, _who(c, size)),
                 )
 
 

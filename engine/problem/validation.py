@@ -18,7 +18,7 @@ from typing import BinaryIO, Literal, TypeVar
 
 import numpy as np
 
-from ..errors import ProblemError
+from ..errors import ProblemError, Reason, Refusal
 
 Boundary = Literal["open", "mirror", "natural", "periodic"]
 # What the `__array__`, `__iter__` or `__repr__` of somebody else's object may raise.
@@ -56,6 +56,12 @@ MOST_CHARGES_ON_A_LINE = 64
 SHARE_TOLERANCE = 2e-3
 
 
+def _out_of_range(*sides: float) -> Refusal:
+    if max(sides) > LARGEST_LENGTH:
+        return Refusal(Reason.DOMAIN_OUT_OF_RANGE, max(sides), LARGEST_LENGTH)
+    return Refusal(Reason.DOMAIN_OUT_OF_RANGE, min(sides), SMALLEST_LENGTH)
+
+
 def check_domain_size(value: object, key: str = "`domain.size`") -> tuple[float, float]:
     """Return the two lengths [m]; raise ProblemError unless both are usable and less than 10,000 times each other."""
     entries = (
@@ -66,10 +72,14 @@ def check_domain_size(value: object, key: str = "`domain.size`") -> tuple[float,
     width, height = (_positive(entry, key, " in meters") for entry in entries)
     if not all(SMALLEST_LENGTH <= length <= LARGEST_LENGTH for length in (width, height)):
         raise ProblemError(
-            f"{key} must lie between {SMALLEST_LENGTH:g} and {LARGEST_LENGTH:g} meters; got {show(value)}"
+            f"{key} must lie between {SMALLEST_LENGTH:g} and {LARGEST_LENGTH:g} meters; got {show(value)}",
+            _out_of_range(width, height),
         )
     if max(width, height) > MOST_ELONGATED * min(width, height):
-        raise ProblemError(f"{key} must not be more than {MOST_ELONGATED:,} times longer than wide; got {show(value)}")
+        raise ProblemError(
+            f"{key} must not be more than {MOST_ELONGATED:,} times longer than wide; got {show(value)}",
+            Refusal(Reason.DOMAIN_TOO_NARROW, max(width, height), min(width, height)),
+        )
     return width, height
 
 

@@ -61,7 +61,7 @@ class OutlinedSizes:
         right_angle = 0.5 * math.pi
         if tilt > np.float32(right_angle) and (shape.outlines_of_variants or leaning is not None):
             raise ProblemError(
-                f"`tilt` must be at most a right angle (1.5708) where overlap is avoided; got {tilt:g}; outlines of objects "
+                f"`tilt` must be at most a right angle where overlap is avoided; got {math.degrees(tilt):.4g}°; outlines of objects "
                 "that are turned over are not known"
             )
         tilt = min(tilt, right_angle)

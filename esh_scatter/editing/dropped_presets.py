@@ -12,6 +12,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ...engine.errors import EshError
+from ..result.refused import as_sentence
 from ..solving import running
 from ..targets.target import is_result
 from .assets import PRESET
@@ -44,7 +45,7 @@ def _take() -> float | None:
     try:
         names = take_dropped(bpy.context)
     except EshError as error:
-        _say(str(error).replace("`", ""))
+        _say(as_sentence(error))
     if names:
         bpy.ops.ed.undo_push(message=f"Preset {names[-1]}")
         _scatter()

@@ -5,6 +5,7 @@ import re
 import bpy
 
 from . import words
+from .refused import as_sentence
 
 __all__ = ["area_unit", "in_scene_units", "length_text", "sentence"]
 
@@ -58,7 +59,7 @@ def in_scene_units(scene: bpy.types.Scene, text: str) -> str:
 
 def sentence(error: Exception | str) -> str:
     """Return what an error says as Blender's status line shows it, with lengths in the scene's units."""
-    return in_scene_units(bpy.context.scene, words.as_sentence(error))
+    return in_scene_units(bpy.context.scene, as_sentence(error))
 
 
 def _is_plain(scene: bpy.types.Scene) -> bool:

@@ -11,7 +11,6 @@ __all__ = [
     "CLUMPED",
     "MAY_OVERLAP",
     "UNBROKEN",
-    "as_sentence",
     "behind_rule",
     "cover",
     "evenness",
@@ -143,12 +142,6 @@ def cover(found: Cover) -> str:
         share = f"{found.crowded:.0%}"
         return f"Too crowded in places: {share} of the objects go where more than {found.fits:.0%} of the ground would be covered"
     return ""
-
-
-def as_sentence(error: Exception | str) -> str:
-    """Return what an error says as a sentence of the sidebar: with a capital letter, without back quotes."""
-    text = str(error).replace("`", "")
-    return text[:1].upper() + text[1:]
 
 
 def behind_rule(message: str) -> str:

@@ -17,6 +17,7 @@ from ...engine.errors import EshError
 from ...engine.problem.scatter_settings import TargetSettings
 from ..densities.density_stack import ClassDensity, DensityLayer, DensityStack
 from ..properties.described import values_from
+from ..result.refused import as_sentence
 from ..solving import running
 
 __all__ = ["Colors", "attach", "density_colors", "detach", "message"]
@@ -73,8 +74,7 @@ class _Preview:
                 self.colors, self.batch = colors, None
             self.content, self.message = content, ""
         except EshError as error:
-            text = str(error).replace("`", "")
-            self.colors, self.content, self.message = None, None, text[:1].upper() + text[1:]
+            self.colors, self.content, self.message = None, None, as_sentence(error)
         if self.colors is not colors_before or self.message != message_before:
             redraw()
 

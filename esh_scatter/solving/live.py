@@ -18,7 +18,7 @@ from bpy.app.handlers import persistent
 
 from ...engine.errors import EshError
 from ..result.real_objects import real_objects_of
-from ..result.words import as_sentence
+from ..result.refused import as_sentence
 from ..targets import checksums
 from ..targets.references import Reference
 from . import running

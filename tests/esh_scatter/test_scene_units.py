@@ -54,4 +54,4 @@ def test_errors_and_amounts_are_told_in_them(scene):
     made.count_kind, made.per_area = "PER_AREA", 2.0
     assert made.amount == "2/unit²"
     bpy.context.scene.unit_settings.scale_length = 0.01
-    assert sentence("the `area` is 5 m wide") == "The area is 0.05 m wide"
+    assert sentence("the `area` is 5 m wide") == "The Area is 0.05 m wide"
