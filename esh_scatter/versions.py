@@ -50,8 +50,22 @@ def _layers_of_densities(settings: Any) -> None:
             scatter.ran_with = scatter.fingerprint()
 
 
+def _tell_notes_apart(settings: Any) -> None:
+    """From 3 to 4: reports say what each of their notes is about, which was known by its words."""
+    for scatter in settings.scatters:
+        report = scatter.report
+        if report is not None and "notes" in report:
+            kinds = [_kind_of_note_3(note) for note in report["notes"]]
+            scatter.report_json = json.dumps({**report, "note_kinds": kinds})
+
+
 # From each version to the next; a new one goes to the end.
-MIGRATIONS: tuple[Callable[[Any], None], ...] = (_keep_reports_current, _stand_by_class, _layers_of_densities)
+MIGRATIONS: tuple[Callable[[Any], None], ...] = (
+    _keep_reports_current,
+    _stand_by_class,
+    _layers_of_densities,
+    _tell_notes_apart,
+)
 VERSION = len(MIGRATIONS)
 
 
@@ -212,6 +226,14 @@ def _same_in_version_2(scatter: Any) -> bool:
         sizes = [_named(size, _SIZE_1) for size in body_class.sizes]
         classes.append((str(body_class.uid), {"values": _named(body_class, (*_CLASS_2, *more)), "sizes": sizes}))
     return before == (mesh, _named(scatter, _SCATTER_2), classes)
+
+
+# What notes had in them up to version 3, and what they were about.
+_NOTES_3 = {"still overlap": "overlaps", "counts as uneven": "unequal areas", "the footprints cover ": "cover"}
+
+
+def _kind_of_note_3(note: str) -> str:
+    return next((kind for said, kind in _NOTES_3.items() if said in note), "other")
 
 
 def _named(group: Any, names: tuple[str, ...]) -> dict[str, Any]:

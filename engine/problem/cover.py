@@ -12,6 +12,7 @@ from .agreement import agreement_of
 from .body_footprints import CAPSULE, BodyFootprints, footprints_of
 from .body_kind import disc_radius
 from .domain import Domain
+from .note import Note, NoteKind
 from .obstacles import clearance, distance_to
 from .packing import elongation_of, in_cells, packable, share_inside
 from .problem import Problem
@@ -54,17 +55,19 @@ class Cover:
         return self.covered > ABOUT * self.fits
 
     @property
-    def warning(self) -> str | None:
+    def warning(self) -> Note | None:
         """A sentence where it cannot fit, or not everywhere; None where it may."""
         if self.too_much:
-            return (
+            return Note(
                 f"the footprints cover {self.covered:.0%} of where they may be: at most about {self.fits:.0%} fits; "
-                "lower the counts or the areas"
+                "lower the counts or the areas",
+                NoteKind.COVER,
             )
         if self.crowded > 0.01:
-            return (
+            return Note(
                 f"the footprints cover {self.covered:.0%} of where they may be, but {self.crowded:.0%} of them are asked for where "
-                f"that is more than the {self.fits:.0%} that fits: it is too crowded there; even the density out"
+                f"that is more than the {self.fits:.0%} that fits: it is too crowded there; even the density out",
+                NoteKind.COVER,
             )
         return None
 

@@ -11,6 +11,7 @@ import warp as wp
 
 from ..device.launcher import Launcher
 from ..problem.cover import cover_of
+from ..problem.note import Note, NoteKind
 from ..problem.of_bodies import one_by_one
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
@@ -147,7 +148,7 @@ def _notes_on_overlaps(problem: Problem, overlaps: Overlaps, covered: float) -> 
     """Say what still overlaps, and why; ``covered`` is the share of the ground that footprints have come to take."""
     if not overlaps.count:
         return []
-    notes = []
+    notes: list[str] = []
     warning = None
     if problem.avoid_overlap:
         pairs = (
@@ -155,7 +156,7 @@ def _notes_on_overlaps(problem: Problem, overlaps: Overlaps, covered: float) -> 
             if overlaps.count == 1
             else f"{overlaps.count} pairs of footprints still overlap"
         )
-        notes.append(f"{pairs}, the deepest by {overlaps.deepest:.3g} m")
+        notes.append(Note(f"{pairs}, the deepest by {overlaps.deepest:.3g} m", NoteKind.OVERLAPS))
         warning = cover_of(problem).warning
     if warning is not None:
         notes.append(warning)

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..problem.note import Note, NoteKind
+
 __all__ = ["notes_on_areas"]
 
 # Coverage errors above which somebody asks why; and how many times more bodies there are than equal ones that would be as coarse.
@@ -26,7 +28,10 @@ def notes_on_areas(area: np.ndarray, class_index: np.ndarray, errors: Sequence[f
     # Equal bodies that are as coarse as these: the square of all charge over the sum of its squares.
     if (np.greater(errors, UNEVEN) & (total**2 * MOST_OF_FEW < count * squares)).any():
         return [
-            "some bodies are so much larger than most that the space around them counts as uneven: coverage errors look no "
-            "farther than the usual spacing"
+            Note(
+                "some bodies are so much larger than most that the space around them counts as uneven: coverage errors look no "
+                "farther than the usual spacing",
+                NoteKind.UNEQUAL_AREAS,
+            )
         ]
     return []

@@ -290,7 +290,7 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
             begin_with_points(result)
         self.result = result
         # Which objects overlap, the points say. Whether they may, and stand in clumps, only the settings that it was made with.
-        kept = {name: value for name, value in report.items() if name != "overlapping"}
+        kept = {name: value for name, value in words.kept(report).items() if name != "overlapping"}
         kept[words.MAY_OVERLAP] = not self.avoid_overlap
         kept[words.CLUMPED] = any(body_class.clustering > 0.0 for body_class in self.ready_classes())
         self.report_json = json.dumps(kept)

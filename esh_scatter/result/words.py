@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from ...engine.problem.note import NoteKind, kind_of
+
 if TYPE_CHECKING:
     from ...engine.problem.cover import Cover
 
 __all__ = [
     "CLUMPED",
     "MAY_OVERLAP",
+    "NOTE_KINDS",
     "UNBROKEN",
     "behind_rule",
     "cover",
     "evenness",
     "evenness_word",
     "has_trouble",
+    "kept",
     "meters",
     "notes",
     "overlaps",
@@ -30,12 +34,12 @@ VERY_EVEN = 0.04
 EVEN = 0.15
 # Share of the objects from which on a crowded region is spoken of.
 LEAST_CROWDED = 0.01
-# What the sentence has in it which says that a coverage error tells of nothing but how large some objects are.
-COARSE = "counts as uneven"
 # What of a report that is kept says whether objects were let overlap: then it is no trouble that they do.
 MAY_OVERLAP = "may_overlap"
 # And whether some were to stand in clumps: neither they nor what lies around these is even then.
 CLUMPED = "clumped"
+# And what each of its notes is about, which texts alone do not say.
+NOTE_KINDS = "note_kinds"
 # A space at which no line is broken.
 UNBROKEN = "\u00a0"
 # Fewer than this have no evenness to speak of.
@@ -64,7 +68,7 @@ def evenness(report: dict[str, Any]) -> str:
     """
     if placed(report) < FEWEST:
         return ""
-    meant = report.get(CLUMPED, False) or any(COARSE in note for note in report["notes"])
+    meant = report.get(CLUMPED, False) or NoteKind.UNEQUAL_AREAS in _kinds(report)
     word = evenness_word(unevenness(report))
     if word == "uneven" and meant:
         return ""
@@ -111,15 +115,24 @@ def notes(report: dict[str, Any], *, foreseen: bool = False) -> list[str]:
     Where it is ``foreseen`` how much ground footprints take, and said below the button, that is not said again.
     """
     # How many overlap, and how deep, has a line of its own; and no coverage errors are shown that would have to be explained.
-    told = [note for note in report["notes"] if "still overlap" not in note and COARSE not in note]
-    found = [_in_blender(note) for note in told]
-    if foreseen:
-        found = [note for note in found if not note.startswith("the footprints cover ")]
+    elsewhere = {NoteKind.OVERLAPS, NoteKind.UNEQUAL_AREAS, *([NoteKind.COVER] if foreseen else [])}
+    told = zip(report["notes"], _kinds(report), strict=True)
+    found = [_in_blender(note) for note, kind in told if kind not in elsewhere]
     # Where many overlap there is no room to be even in.
     crowded = report["overlaps"] > LEAST_CROWDED * placed(report)
     if not report["converged"] and not crowded and evenness(report).startswith("uneven"):
         found.append("more steps would make it more even (Advanced)")
     return [note[:1].upper() + note[1:] for note in found]
+
+
+def kept(report: dict[str, Any]) -> dict[str, Any]:
+    """Return a report as it can be kept as JSON: with what its notes are about."""
+    return {**report, NOTE_KINDS: [str(kind) for kind in _kinds(report)]}
+
+
+def _kinds(report: dict[str, Any]) -> list[str]:
+    """Return what each note of a report is about: as its file says, or as the notes do that come from the engine."""
+    return report.get(NOTE_KINDS) or [kind_of(note) for note in report.get("notes", ())]
 
 
 def _in_blender(note: str) -> str:

@@ -9,6 +9,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.engine.problem.body_class import ClassSettings  # noqa: E402
+from esh.engine.problem.cover import Cover  # noqa: E402
 from esh.engine.problem.scatter_settings import ScatterSettings  # noqa: E402
 from esh.esh_scatter import operators, registration  # noqa: E402
 from esh.esh_scatter.editing import forecast  # noqa: E402
@@ -271,7 +272,7 @@ def test_overlap_is_said_before_a_run_and_shown_after_it():
     assert {"room", "gap"} <= set(drawn) and "esh.frame_overlap" not in drawn
     scatter.remember(new_result(scatter.target), report(overlaps=2, deepest_pair=[0, 1], deepest_overlap=0.1))
     assert {"esh.select_overlapping", "esh.frame_overlap"} <= set(draw_all())
-    told = report(overlaps=2, notes=["the footprints cover 300% of where they may be: at most about 80% fits"])
+    told = report(overlaps=2, notes=[Cover(3.0, 0.8, 0.0).warning])
     scatter.remember(scatter.result, told)
     assert not any("cover 300%" in line for line in draw_all(800)[1:] if not line.startswith("Overlap is")), (
         "once is enough"

@@ -1,5 +1,6 @@
 """Files that older versions saved come up to date when they are opened."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter import registration, versions  # noqa: E402
+from esh.esh_scatter.result import words  # noqa: E402
 
 # Made in Blender 4.5 by the last version without a number: two scatters, of which the second was changed after its run.
 OLD = Path(__file__).parent / "files" / "settings_of_version_0.blend"
@@ -67,6 +69,19 @@ def test_what_was_one_density_in_version_2_is_one_layer():
     assert densities == ["float", "ImageDensity", "VertexGroupDensity", "AttributeDensity"]
     even.add_layer("NOISE")
     assert first.changes() == ["density of Even"]
+
+
+def test_notes_of_version_3_are_about_what_their_words_say():
+    bpy.ops.wm.open_mainfile(filepath=str(OLD_2))
+    settings = bpy.context.scene.esh_scatter
+    first = settings.scatters[0]
+    said = ["12 pairs of footprints still overlap, the deepest by 0.1 m", "the footprints cover 90% of it", "another"]
+    told = {name: value for name, value in first.report.items() if name != words.NOTE_KINDS}
+    first.report_json = json.dumps({**told, "notes": said, "overlaps": 12})
+    settings.version = 3
+    versions.bring_up_to_date()
+    assert words.notes(first.report, foreseen=True) == ["Another"] and len(words.notes(first.report)) == 2
+    assert not first.outdated
 
 
 def test_a_result_of_an_older_version_is_out_of_date_when_its_objects_are_to_stand_otherwise():

@@ -1,8 +1,11 @@
 """Reports in the words of the sidebar."""
 
+import json
+
 import numpy as np
 import pytest
 from esh.engine.problem.cover import Cover
+from esh.engine.problem.note import Note, NoteKind
 from esh.engine.quality.unequal_areas import notes_on_areas
 from esh.esh_scatter.result import words
 
@@ -73,7 +76,7 @@ def test_lengths_have_the_digits_that_are_worth_reading(length, text):
 
 def test_overlaps_are_told_once():
     told = report(
-        overlaps=12, deepest_overlap=0.051, notes=["12 pairs of footprints still overlap, the deepest by 0.051 m", "b"]
+        overlaps=12, deepest_overlap=0.051, notes=[Note("12 pairs, the deepest by 0.051 m", NoteKind.OVERLAPS), "b"]
     )
     assert words.overlaps(told) == "12 pairs" and words.notes(told) == ["B"]
     assert words.overlaps(report(overlaps=1)) == "1 pair" and words.overlaps(report()) == "none"
@@ -105,6 +108,20 @@ def test_what_cannot_fit_is_said_once():
     told = report(overlaps=3, notes=[said, "2 objects lie in obstacles"])
     assert len(words.notes(told)) == 2
     assert words.notes(told, foreseen=True) == ["2 objects lie in obstacles"]
+
+
+def test_a_report_that_is_kept_says_what_its_notes_are_about():
+    """Whatever their words are; and what it says is not lost when it is kept again."""
+    made = report(overlaps=3, notes=[Note("too much", NoteKind.COVER), "a", Note("so many", NoteKind.OVERLAPS)])
+    assert json.loads(json.dumps(made["notes"])) == ["too much", "a", "so many"]
+    kept = json.loads(json.dumps(words.kept(made)))
+    for told in (made, kept, json.loads(json.dumps(words.kept(kept)))):
+        assert words.notes(told) == ["Too much", "A"] and words.notes(told, foreseen=True) == ["A"]
+    assert words.notes(report(notes=["12 pairs still overlap"])) == ["12 pairs still overlap"], (
+        "no words are looked for"
+    )
+    uneven = words.kept(report(error=0.3, alone=0.3, notes=[Note("large ones", NoteKind.UNEQUAL_AREAS)]))
+    assert words.evenness(json.loads(json.dumps(uneven))) == ""
 
 
 def test_overlaps_that_may_be_are_no_trouble_and_clumps_are_not_uneven():
