@@ -16,6 +16,7 @@ from ...engine.problem.settings import settings_of
 from ..result import words
 from ..targets import checksums
 from . import settings_record
+from .asked_once import asked_once
 from .body_class import CLASS_COLORS, ESH_PG_class
 from .described import values_from, with_properties
 from .entries import entry_at
@@ -210,10 +211,11 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
             return "The target is the result of the last run; choose another target"
         if not self.classes:
             return "Add a class: what to scatter"
-        if self.ready_classes():
-            return None
-        incomplete = (self.obstacle_of(c) for c in self.classes if not c.mute)
-        return next(incomplete, None) or "All classes are muted; unmute one"
+        with asked_once():
+            if self.ready_classes():
+                return None
+            incomplete = (self.obstacle_of(c) for c in self.classes if not c.mute)
+            return next(incomplete, None) or "All classes are muted; unmute one"
 
     def obstacle_of(self, body_class: ESH_PG_class, followed_by: tuple[int, ...] = ()) -> str | None:
         """Return what keeps a class from being scattered, as one sentence, or None; one target has to have what it asks for.
@@ -222,6 +224,14 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
             body_class: The class.
             followed_by: The classes that follow it, and what these are followed by, by their numbers.
         """
+        with asked_once() as known:
+            # Whether a class is left out does not depend on which ones follow it, but what is said of it does.
+            key = body_class.as_pointer(), bool(followed_by)
+            if key not in known:
+                known[key] = self._obstacle_of(body_class, followed_by)
+            return known[key]
+
+    def _obstacle_of(self, body_class: ESH_PG_class, followed_by: tuple[int, ...]) -> str | None:
         found = [body_class.obstacle(item) for item in self.targets]
         if None not in found:
             return next(iter(found), None)
@@ -238,11 +248,13 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
 
     def ready_classes(self) -> list[ESH_PG_class]:
         """Return the classes that can be scattered and are not muted."""
-        return [c for c in self.classes if not c.mute and self.obstacle_of(c) is None]
+        with asked_once():
+            return [c for c in self.classes if not c.mute and self.obstacle_of(c) is None]
 
     def left_out(self) -> list[str]:
         """Return what keeps classes that are not muted from being scattered, one sentence for each."""
-        why = ((c.name, self.obstacle_of(c)) for c in self.classes if not c.mute)
+        with asked_once():
+            why = [(c.name, self.obstacle_of(c)) for c in self.classes if not c.mute]
         return [f"{name} is left out: {text.partition(': ')[2]}" for name, text in why if text]
 
     def arguments(self, scene: bpy.types.Scene) -> tuple[tuple, dict]:

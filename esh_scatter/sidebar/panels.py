@@ -9,6 +9,7 @@ from ...engine.problem.balance import Balance
 from ...engine.problem.problem import SamplingSettings
 from ...engine.problem.scatter_settings import BorderSettings, RunSettings, TargetSettings
 from ..editing import forecast
+from ..properties.asked_once import asked_once
 from ..properties.scatter import BY_HAND, ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import real_objects, words
@@ -79,7 +80,8 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
         if scatter.live and not live.is_live(context.scene, scatter):
             # It was switched on in the file that was opened, or by redo.
             live.wake()
-        _draw_status(context, layout.column(align=True), scatter)
+        with asked_once():
+            _draw_status(context, layout.column(align=True), scatter)
         if checksums.is_old():
             running.redraw_later()
 
@@ -113,17 +115,9 @@ class ESH_PT_classes(SubPanel, bpy.types.Panel):
         column = self._column()
         scatter = selected_scatter(context)
         if scatter.classes:
-            draw_list(
-                column,
-                "ESH_UL_classes",
-                scatter,
-                "classes",
-                "class_index",
-                "class",
-                rows=5,
-                move=True,
-                menu="ESH_MT_classes",
-            )
+            names = "classes", "class_index", "class"
+            with asked_once():
+                draw_list(column, "ESH_UL_classes", scatter, *names, rows=5, move=True, menu="ESH_MT_classes")
             return
         write_text(context, column, "A class is one kind of thing, for example pines. It has its own density.")
         column.separator()

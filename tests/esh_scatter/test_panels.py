@@ -15,6 +15,8 @@ from esh.esh_scatter import operators, registration  # noqa: E402
 from esh.esh_scatter.editing import forecast  # noqa: E402
 from esh.esh_scatter.editing.preset_files import built_in_presets  # noqa: E402
 from esh.esh_scatter.properties import settings_record  # noqa: E402
+from esh.esh_scatter.properties.asked_once import asked_once  # noqa: E402
+from esh.esh_scatter.properties.body_class import ESH_PG_class  # noqa: E402
 from esh.esh_scatter.properties.described import shown_settings  # noqa: E402
 from esh.esh_scatter.properties.layer import KINDS  # noqa: E402
 from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
@@ -280,6 +282,30 @@ def test_overlap_is_said_before_a_run_and_shown_after_it():
     scatter.avoid_overlap = False
     assert any("The footprints cover 300%" in line for line in draw_all(800))
     assert not {"esh.counts_to_fit", "room", "gap"} & set(draw_all())
+
+
+def test_what_classes_lack_is_worked_out_once_for_all_that_follow_them(monkeypatch):
+    """With two layers each, twenty classes would ask each other a million times."""
+    scatter = ready_scatter()
+    for number in range(1, 20):
+        body_class = scatter.add_class()
+        body_class.sizes[0].source_object = scatter.classes[0].sizes[0].source_object
+        for other in scatter.classes[max(0, number - 2) : number]:
+            body_class.add_layer("CLASS").class_name = other.name
+    asked = []
+    lacks = ESH_PG_class.obstacle
+    monkeypatch.setattr(ESH_PG_class, "obstacle", lambda *given: asked.append(given[0].name) or lacks(*given))
+    assert len(scatter.ready_classes()) == 20 and len(asked) <= 2 * 20
+    asked.clear()
+    with asked_once():
+        assert not any(scatter.obstacle_of(one) for one in scatter.classes) and not scatter.left_out()
+    assert len(asked) <= 2 * 20
+    asked.clear()
+    draw_all()
+    # What is below the button, its forecast and the list; not once for each row.
+    assert len(asked) <= 8 * 20
+    scatter.classes[0].sizes[0].source_object = None
+    assert len(scatter.left_out()) == 20, "nothing of it is kept"
 
 
 def test_a_deleted_result_leaves_no_report():
