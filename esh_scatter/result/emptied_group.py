@@ -23,7 +23,7 @@ class EmptiedGroup:
     name: str
     sources: tuple[Reference, ...]
     classes: tuple[str, ...]
-    followed: tuple[tuple[Reference, int], ...]
+    followed: tuple[tuple[Reference, int, bool | None], ...]
 
 
 def empty_group(item: bpy.types.Object) -> EmptiedGroup | None:
@@ -45,7 +45,7 @@ def empty_group(item: bpy.types.Object) -> EmptiedGroup | None:
         item.get(NAME, group.name),
         tuple(Reference(source, "source") for source in sources if source is not None),
         tuple(classes),
-        tuple((Reference(one.target, "target"), one.vertices) for one in followed),
+        tuple((Reference(one.target, "target"), *one[1:]) for one in followed),
     )
     for node in _part_nodes(group):
         node.node_tree = None
@@ -59,7 +59,7 @@ def fill_group(kept: EmptiedGroup) -> None:
     if modifier is None or all(node.node_tree is not None for node in _part_nodes(modifier.node_group)):
         return
     sources = [source.find() for source in kept.sources]
-    followed = [Followed(target.find(), vertices) for target, vertices in kept.followed]
+    followed = [Followed(target.find(), vertices, over) for target, vertices, over in kept.followed]
     if any(source is None for source in sources) or any(one.target is None for one in followed):
         # The next run makes it anew.
         modifier.node_group[MADE_OF] = ""

@@ -15,15 +15,16 @@ from .node_group import ALIGN, EDGE, FACE_NORMAL, GROUND_POINT, Followed
 __all__ = ["follow_attributes", "followed"]
 
 
-def followed(targets: Sequence[bpy.types.Object], mesh: TriangleMesh) -> list[Followed]:
+def followed(targets: Sequence[bpy.types.Object], mesh: TriangleMesh, mirrored: Sequence[bool]) -> list[Followed]:
     """Return what the points on targets follow, each with the vertices that it had.
 
     Args:
         targets: In the order of ``esh_target``.
         mesh: All of them as one.
+        mirrored: Which of them were mirrored when they were read.
     """
     count = np.diff([*mesh.first_vertex, len(mesh.position)])
-    return [Followed(item, int(vertices)) for item, vertices in zip(targets, count, strict=True)]
+    return [Followed(item, int(n), over) for item, n, over in zip(targets, count, mirrored, strict=True)]
 
 
 def follow_attributes(points: SurfacePoints, align: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:

@@ -67,10 +67,14 @@ ROUNDING = 3e-7
 
 
 class Followed(NamedTuple):
-    """What points follow: a target, and how many vertices it had."""
+    """What points follow: a target, how many vertices it had, and whether it was mirrored, which turns triangles over.
+
+    Groups of earlier versions do not look whether it is: there it is None.
+    """
 
     target: bpy.types.Object
     vertices: int
+    mirrored: bool | None = False
 
 
 def show_input(class_name: str) -> str:
@@ -113,13 +117,22 @@ def followed_targets(group: bpy.types.NodeTree) -> list[Followed]:
             sizes = [node for node in sizes if node.bl_idname == "GeometryNodeAttributeDomainSize"]
             for compare in (link.to_node for size in sizes for link in size.outputs["Point Count"].links):
                 numbers = [socket for socket in compare.inputs if socket.enabled and not socket.is_linked]
-                found.append(Followed(info.inputs["Object"].default_value, int(numbers[0].default_value)))
+                item, vertices = info.inputs["Object"].default_value, int(numbers[0].default_value)
+                found.append(Followed(item, vertices, _mirrored_before(info)))
     return found
+
+
+def _mirrored_before(info: bpy.types.Node) -> bool | None:
+    """Return whether a target was mirrored when points were placed on it, as its nodes say; None where they do not."""
+    transformed = [link.to_node for link in info.outputs["Transform"].links]
+    whole = [node for node in transformed if node.bl_idname == "FunctionNodeMatrixDeterminant"]
+    over = [link.to_node.operation for node in whole for link in node.outputs[0].links]
+    return over[0] == "GREATER_THAN" if over else None
 
 
 def made_of(classes: Sequence[str], followed: Sequence[Followed]) -> str:
     """Return what a group is made of apart from its objects: equal for equal groups, within one session of Blender."""
-    return repr([list(classes), [(one.target.session_uid, one.vertices) for one in followed]])
+    return repr([list(classes), [(one.target.session_uid, *one[1:]) for one in followed]])
 
 
 def build_node_group(
@@ -291,7 +304,7 @@ def _follow(tree: Tree, followed: Sequence[Followed]) -> Socket:
     """Move points with the target, and turn what stands on them; what was moved by hand keeps its distance to the ground."""
     tree.column(1)
     infos, same = [], []
-    for target, vertices in followed:
+    for target, vertices, _ in followed:
         info = tree.add("GeometryNodeObjectInfo", transform_space="ORIGINAL")
         info.inputs["Object"].default_value = target
         size = tree.add("GeometryNodeAttributeDomainSize", component="MESH")
@@ -303,11 +316,11 @@ def _follow(tree: Tree, followed: Sequence[Followed]) -> Socket:
     tied = tree.compare("GREATER_THAN", tree.vector("LENGTH", weights), 0.0)
     follows = tree.both(tree.inputs["follow"], tied, *same)
     tree.column(2)
-    corner, edge, side = _triangle(tree, infos)
+    corner, edge, side, looking = _triangle(tree, infos, followed)
     tree.column(3)
     (ground,) = tree.part("Ground Point", _ground_now, corner=corner, edge=edge, side=side, weights=weights)
     tree.column(4)
-    place, new_rotation = tree.part("Standing", _standing_now, ground=ground, edge=edge, side=side)
+    place, new_rotation = tree.part("Standing", _standing_now, ground=ground, edge=edge, side=looking)
     tree.column(5)
     # Kept before the points are moved, with which all that is asked of the ground would change.
     turn = tree.add("GeometryNodeStoreNamedAttribute", data_type="QUATERNION", domain="POINT")
@@ -322,11 +335,14 @@ def _follow(tree: Tree, followed: Sequence[Followed]) -> Socket:
     return move.outputs[0]
 
 
-def _triangle(tree: Tree, infos: Sequence[bpy.types.Node]) -> list[Socket]:
-    """Return of every point's triangle where its first corner is now, and the two edges from there, in the world."""
+def _triangle(tree: Tree, infos: Sequence[bpy.types.Node], followed: Sequence[Followed]) -> list[Socket]:
+    """Return of every point's triangle where its first corner is now, and the two edges from there, in the world.
+
+    And the second edge once more, on the other side where the target was mirrored since: the triangle looks with it as it did.
+    """
     position = tree.call("GeometryNodeInputPosition")
     found: list[Socket] = []
-    for number, info in enumerate(infos):
+    for number, (info, told) in enumerate(zip(infos, followed, strict=True)):
         a, b, c = (_sampled(tree, info, position, name) for name in CORNERS)
         transform = info.outputs["Transform"]
         # Edges between places in the world would have the rounding of their coordinates, which far from its origin is as long as
@@ -335,6 +351,9 @@ def _triangle(tree: Tree, infos: Sequence[bpy.types.Node]) -> list[Socket]:
         own += [
             tree.call("FunctionNodeTransformDirection", tree.vector("SUBTRACT", end, a), transform) for end in (b, c)
         ]
+        determinant = tree.call("FunctionNodeMatrixDeterminant", transform)
+        over = tree.compare("GREATER_THAN" if told.mirrored else "LESS_THAN", determinant, 0.0)
+        own.append(tree.scaled(own[-1], tree.switch("FLOAT", over, 1.0, -1.0)))
         if found:
             its = tree.compare("EQUAL", tree.attribute(TARGET, "INT"), number, "INT")
             own = [tree.switch("VECTOR", its, *pair) for pair in zip(found, own, strict=True)]

@@ -10,6 +10,7 @@ import numpy as np
 from ...engine.problem.unit_vectors import unit_vectors
 from ...engine.surface.instances import body_rotations, rotate
 from ..targets.evaluated_mesh import evaluated_mesh, in_world, vertices_in_world
+from ..targets.target import is_mirrored
 from .display import get_inputs, our_modifier
 from .kept_ground import MIDDLE, NORMAL, TO_ORIGIN, body_places, read_attribute
 from .node_group import (
@@ -120,7 +121,8 @@ def moved_with(result: bpy.types.Object, position: np.ndarray, context: bpy.type
         vertices = [found for one in targets if len(found := _vertices_now(one.target, context)) == one.vertices]
         # A target that has lost or got vertices is not followed, and then none is.
         if targets and len(vertices) == len(targets):
-            position, turned = _follow(mesh, position, vertices)
+            over = [one.mirrored is not None and one.mirrored != is_mirrored(one.target, context) for one in targets]
+            position, turned = _follow(mesh, position, vertices, np.array(over))
     return MovedWith(position, turned)
 
 
@@ -150,8 +152,13 @@ def _vertices_now(target: bpy.types.Object | None, context: bpy.types.Context) -
         return vertices_in_world(mesh, np.array(evaluated.matrix_world, np.float64))
 
 
-def _follow(mesh: bpy.types.Mesh, position: np.ndarray, vertices: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Move places with their triangles, and tell how objects turn with them, as the node group's part does that is called "Follow"."""
+def _follow(
+    mesh: bpy.types.Mesh, position: np.ndarray, vertices: list[np.ndarray], over: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Move places with their triangles, and tell how objects turn with them, as the node group's part does that is called "Follow".
+
+    Triangles of targets that were mirrored since are turned ``over``; they look to the side that they looked to.
+    """
     weights = read_attribute(mesh, WEIGHTS).astype(np.float64)
     before, edge_before, normal_before = (
         read_attribute(mesh, name).astype(np.float64) for name in (GROUND_POINT, EDGE, FACE_NORMAL)
@@ -166,7 +173,8 @@ def _follow(mesh: bpy.types.Mesh, position: np.ndarray, vertices: list[np.ndarra
     ground = a + weights[:, 1:2] * edge + weights[:, 2:3] * side
     moved = np.linalg.norm(ground - before, axis=1) > ROUNDING * np.linalg.norm(before, axis=1)
     ground = np.where(moved[:, None], ground, before)
-    turned = _frames(np.cross(edge, side), edge) @ _frames(normal_before, edge_before).transpose(0, 2, 1)
+    looking = np.where(over[number][:, None], -side, side)
+    turned = _frames(np.cross(edge, looking), edge) @ _frames(normal_before, edge_before).transpose(0, 2, 1)
     up = np.broadcast_to(np.array(UP), edge.shape)
     upright = _frames(up, edge) @ _frames(up, edge_before).transpose(0, 2, 1)
     leaning = _part_of(upright.transpose(0, 2, 1) @ turned, read_attribute(mesh, ALIGN).astype(np.float64))

@@ -22,6 +22,7 @@ __all__ = [
     "check_target",
     "extent_of",
     "head_of",
+    "is_mirrored",
     "is_result",
     "members_of",
     "origin_of",
@@ -252,6 +253,11 @@ def world_matrix(item: bpy.types.Object, context: bpy.types.Context) -> np.ndarr
     if item.parent is not None:
         return world_matrix(item.parent, context) @ np.array(item.matrix_parent_inverse) @ matrix
     return matrix
+
+
+def is_mirrored(item: bpy.types.Object, context: bpy.types.Context) -> bool:
+    """Tell whether an object is shown as in a mirror: its triangles go round the other way then."""
+    return bool(np.linalg.det(world_matrix(item, context)[:3, :3]) < 0.0)
 
 
 def _read_normals(read: TriangleMesh, mesh: bpy.types.Mesh, matrix: Matrix) -> None:

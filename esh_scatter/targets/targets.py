@@ -17,7 +17,7 @@ from ...engine.surface.surface_points import SurfacePoints
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ...engine.surface.whole_surface import WholeSurface
 from .references import Reference
-from .target import check_exists, check_target, is_result, read_target, world_matrix
+from .target import check_exists, check_target, is_mirrored, is_result, read_target
 
 __all__ = ["Target", "Targets", "chart_of", "check_targets", "read_targets", "stuck_attributes"]
 
@@ -198,7 +198,7 @@ def _of_material(mesh: TriangleMesh, name: str) -> TriangleMesh:
 
 def _outward(mesh: TriangleMesh, item: bpy.types.Object, context: bpy.types.Context) -> TriangleMesh:
     """Return a mesh whose triangles and normals look to the same side as its faces, also where the object is mirrored."""
-    if np.linalg.det(world_matrix(item, context)[:3, :3]) >= 0.0:
+    if not is_mirrored(item, context):
         return mesh
     triangle, corner = (np.ascontiguousarray(values[:, [0, 2, 1]]) for values in (mesh.triangle, mesh.corner))
     return replace(mesh, triangle=triangle, corner=corner, normal_matrix=-mesh.normal_matrix)

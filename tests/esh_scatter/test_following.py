@@ -9,6 +9,7 @@ bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
 from esh.esh_scatter.result.display import get_inputs, our_modifier, set_inputs  # noqa: E402
+from esh.esh_scatter.result.standing_now import standing_now  # noqa: E402
 from mathutils import Matrix, Quaternion  # noqa: E402
 
 
@@ -288,3 +289,32 @@ def test_each_of_several_targets_is_followed_by_what_stands_on_it():
     on_right = before[:, 0] > 6.5
     assert on_right.any() and not on_right.all()
     np.testing.assert_allclose(after[:, 2], before[:, 2] + 3.0 * on_right, atol=1e-5)
+
+
+@pytest.mark.parametrize("surface", ["above", "whole"])
+@pytest.mark.parametrize("before", [(1.0, 1.0, 1.0), (-1.0, 1.0, 1.0)])
+@pytest.mark.parametrize("after", [(1.0, 1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, -2.0, 1.0), (-1.0, -1.0, -1.0)])
+def test_objects_stand_on_the_same_side_of_a_target_that_is_mirrored(surface, before, after):
+    """Its triangles go round the other way then; they hung from below, or were sunk into what is closed."""
+    pin = new_object("Pin", [(0.05, 0, 0), (-0.05, 0.05, 0), (-0.05, -0.05, 0), (0, 0, 1)], [(0, 1, 2), (0, 1, 3)])
+    still, ground = hills(), hills()
+    still.location.x = 40.0
+    ground.scale = before
+    standing = esh.Standing(align_to_normal=1.0, random_turn=0.0)
+    pins = [esh.ScatterClass("pin", [esh.ScatterSize("p", 40, pin)], standing=standing)]
+    targets = [ground, still]
+    result = esh.scatter(targets, pins, surface=surface, device="cpu", max_steps=5).object
+    places = matrices(result)
+    ground.scale = after
+    bpy.context.view_layer.update()
+    now = matrices(result)
+    own = places[:, 0, 3] < 25.0
+    assert own.any() and not own.all()
+    np.testing.assert_allclose(now[~own], places[~own], atol=1e-6)
+    change = np.array(after) / np.array(before)
+    np.testing.assert_allclose(now[own, :3, 3], places[own, :3, 3] * change, atol=1e-4)
+    # Of what is scaled unevenly planes turn otherwise than lines.
+    up = places[own, :3, 2] / change
+    np.testing.assert_allclose(now[own, :3, 2], up / np.linalg.norm(up, axis=1)[:, None], atol=0.01)
+    kept = standing_now(result, bpy.context)
+    np.testing.assert_allclose(kept.axes[:, :, 2], now[:, :3, 2], atol=2e-4)
