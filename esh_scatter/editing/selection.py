@@ -13,6 +13,7 @@ import numpy as np
 from ...engine.errors import ProblemError
 from ...engine.problem.scatter_settings import TargetSettings
 from ...engine.surface.chart import Chart
+from ...engine.surface.whole_surface import WholeSurface
 from ..classes.object_outline import outline_of, read_source
 from ..classes.survey import Survey
 from ..targets.references import Reference
@@ -29,6 +30,11 @@ __all__ = ["Measured", "SelectionSurvey", "add_classes", "measure", "pleasant_co
 
 # An object of which more than this share is below its origin has it in its middle, as new shapes have, and not at its foot.
 BELOW_ORIGIN = 0.35
+# Ground is scattered on from above if so much of what does not look down is seen there: of hills all is, however steep, of a ball
+# most, of a wall a twentieth. What looks down may be a terrain's bottom.
+LEAST_OPEN = 0.4
+# What leans over by less is a wall, and does not look down.
+WALL = 0.1
 
 
 class Measured(NamedTuple):
@@ -86,7 +92,8 @@ class SelectionSurvey:
         ground: The mesh to scatter on, or a collection of some.
         items: What to place.
         context: Whose view layer.
-        settings: Which part of the ground. Where nothing of it is seen from above, a wall for example, it is the whole surface.
+        settings: Which part of the ground. Where nothing of it is seen from above, it is the whole surface; without settings also
+            where most of it is walls, or hidden.
 
     Attributes:
         device: Where it runs.
@@ -109,6 +116,7 @@ class SelectionSurvey:
     ) -> None:
         objects, _ = check_targets(ground, context)
         self.settings = settings or TargetSettings()
+        self._chooses = settings is None
         self._ground = read_targets(objects, context, set(), self.settings)
         self._items = [_read(item, context) for item in items]
         self._outlines: list[Outline | None] = []
@@ -125,8 +133,9 @@ class SelectionSurvey:
         try:
             chart = self.survey.begin(self._ground, self.settings)
         except ProblemError:
-            self.settings = replace(self.settings, surface="whole")
-            chart = self.survey.begin(self._ground, self.settings)
+            chart = self._whole()
+        if self._chooses and isinstance(chart, Chart) and _open_share(chart) < LEAST_OPEN:
+            chart = self._whole()
         self.area = self._seen = float(np.sum(chart.area))
         if isinstance(chart, Chart):
             self._seen = float(np.count_nonzero(chart.area) * chart.cell.prod())
@@ -136,6 +145,10 @@ class SelectionSurvey:
                 self._outlines.append(None if mesh is None else self.survey.outline(mesh, "`area`"))
             except ProblemError:
                 self._outlines.append(None)
+
+    def _whole(self) -> Chart | WholeSurface:
+        self.settings = replace(self.settings, surface="whole")
+        return self.survey.begin(self._ground, self.settings)
 
     def ground_for(self, measured: Sequence[Measured]) -> float:
         """Return how much ground there is for some objects [m²]: of a steep slope what stands upright takes more than it covers."""
@@ -155,6 +168,13 @@ class SelectionSurvey:
             else:
                 found.append(_measured(item, mesh, outline))
         return found, flat, long
+
+
+def _open_share(chart: Chart) -> float:
+    """Return the area that can be seen from above over that of all that does not look down; of either side of faces."""
+    area, cosine = chart.view.mesh.areas(), chart.view.cosine
+    most = max(float(area[cosine > -WALL].sum()), float(area[cosine < WALL].sum()))
+    return float(chart.area.sum()) / max(most, 1e-300)
 
 
 def _read(

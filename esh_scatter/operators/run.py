@@ -322,7 +322,9 @@ class ScatterObjects(_Run):
     def _first(self, context: bpy.types.Context) -> "SelectionSurvey":
         from ..editing.selection import SelectionSurvey
 
-        settings = TargetSettings(surface=value_of(_SETTINGS["surface"], self.surface))
+        settings = None
+        if self.properties.is_property_set("surface"):
+            settings = TargetSettings(surface=value_of(_SETTINGS["surface"], self.surface))
         return SelectionSurvey(stood_on(context.view_layer.objects.active), self._sources(context), context, settings)
 
     def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:

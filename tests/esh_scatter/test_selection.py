@@ -7,7 +7,9 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from esh.engine.problem.scatter_settings import TargetSettings  # noqa: E402
 from esh.esh_scatter.editing import selection  # noqa: E402
+from esh.esh_scatter.editing.selection import SelectionSurvey  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("empty_file")
@@ -145,6 +147,55 @@ def test_nothing_lines_up_along_the_edges(ground, objects):
         even = np.diff(side**2 - (side - 2.0 * edges) ** 2) / spacing**2
         crowding[not boundary] = (np.histogram(np.minimum(place, side - place).min(axis=1), edges)[0] / even).max()
     assert crowding[True] < 2.0 < crowding[False], "a hedge has several times as many as there is ground"
+
+
+def solid(*size, where=(0.0, 0.0, 0.0)):
+    bpy.ops.mesh.primitive_cube_add(size=1.0, location=where)
+    bpy.context.object.scale = size
+    return bpy.context.object
+
+
+@pytest.mark.parametrize(
+    ("shapes", "surface"),
+    [
+        ("a wall", "WHOLE"),
+        ("a wall and a head", "WHOLE"),
+        ("a wall on a floor", "ABOVE"),
+        ("a thick slab", "ABOVE"),
+        ("a slope", "ABOVE"),
+        ("a floor that looks down", "ABOVE"),
+        ("a cliff", "ABOVE"),
+    ],
+)
+def test_what_is_mostly_walls_or_hidden_is_scattered_on_all_over(objects, shapes, surface):
+    """From above a wall would get a row of objects along its top; the bottom of a slab is none that anybody means."""
+    ground = bpy.data.collections.new("Shapes")
+    bpy.context.scene.collection.children.link(ground)
+    if "wall" in shapes:
+        ground.objects.link(solid(6.0, 0.3, 3.0, where=(0.0, 3.0, 1.5)))
+    if "head" in shapes:
+        bpy.ops.mesh.primitive_monkey_add()
+        ground.objects.link(bpy.context.object)
+    if "slab" in shapes:
+        ground.objects.link(solid(10.0, 10.0, 3.0))
+    if shapes.split()[1] in ("slope", "floor", "cliff") or "on a floor" in shapes:
+        angle = {"slope": 45.0, "cliff": 75.0}.get(shapes.split()[1], 180.0 if "down" in shapes else 0.0)
+        bpy.ops.mesh.primitive_plane_add(size=10.0, rotation=(math.radians(angle), 0.0, 0.0))
+        ground.objects.link(bpy.context.object)
+    survey = SelectionSurvey(ground, objects[2:], bpy.context)
+    survey.solve()
+    assert survey.settings.surface.upper() == surface
+    asked = SelectionSurvey(ground, objects[2:], bpy.context, TargetSettings(surface="above"))
+    asked.solve()
+    assert asked.settings.surface == "above", "what was chosen is left alone"
+
+
+def test_the_button_leaves_a_surface_that_was_chosen(objects):
+    wall = solid(6.0, 0.3, 3.0)
+    for given, made in (({}, "WHOLE"), ({"surface": "ABOVE"}, "ABOVE")):
+        select(objects[2], wall, active=wall)
+        assert bpy.ops.esh.scatter_selection(cover=0.02, **given) == {"FINISHED"}
+        assert bpy.context.scene.esh_scatter.active.surface == made
 
 
 def test_walls_and_balls_are_scattered_on_all_over(objects):
