@@ -7,7 +7,7 @@ from ..editing.preset_files import built_in_presets
 from ..properties.layer import KINDS
 from ..properties.scene import active_scatter
 from . import preset_pictures
-from .preset_pictures import picture_of
+from .preset_pictures import draw_pictures, picture_of
 
 __all__ = ["CLASSES", "attach", "detach"]
 
@@ -29,8 +29,8 @@ _ELSEWHERE = {
     "esh.source_from_asset",
     "esh.preset_from_asset",
 }
-# Presets in a column of their menu, and how large their pictures are, in units of its lines.
-PRESETS_IN_A_COLUMN, PICTURE_SCALE = 3, 5.0
+# How large the picture in the menu of the presets is, in units of its lines.
+PICTURE_SCALE = 5.0
 # Where groups of layers begin in the menu.
 _GROUPS = tuple(list(KINDS).index(name) for name in ("SLOPE", "DISTANCE"))
 
@@ -94,16 +94,9 @@ class ESH_MT_presets(bpy.types.Menu):
         layout.operator("esh.preset_export", icon="EXPORT")
         layout.operator("esh.presets_as_assets", icon="ASSET_MANAGER")
         layout.separator()
-        # Blender lays a menu out column by column, in the order in which its parts are added.
-        row = layout.row()
-        presets = list(built_in_presets().items())
-        for first in range(0, len(presets), PRESETS_IN_A_COLUMN):
-            column = row.column()
-            for path, name in presets[first : first + PRESETS_IN_A_COLUMN]:
-                picture = picture_of(path)
-                if picture:
-                    column.template_icon(icon_value=picture, scale=PICTURE_SCALE)
-                column.operator("esh.preset_apply", text=name).filepath = path
+        draw_pictures(layout, PICTURE_SCALE)
+        for path, name in built_in_presets().items():
+            layout.operator("esh.preset_apply", text=name, icon_value=picture_of(path)).filepath = path
 
 
 class ESH_MT_scatters(bpy.types.Menu):
@@ -174,6 +167,7 @@ def _draw_entry(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
 
 def attach() -> None:
     """Add the menus to the viewport's Object menu, and to those of the asset browser."""
+    preset_pictures.attach()
     bpy.types.VIEW3D_MT_object.append(_draw_entry)
     for menu in _asset_menus():
         menu.append(_draw_of_assets)

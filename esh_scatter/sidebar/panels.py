@@ -19,6 +19,7 @@ from ..solving import live, running
 from ..targets import checksums
 from . import class_panels, report_panel
 from .panel_parts import Panel, SubPanel, draw_list, draw_settings, fits_line, is_narrow, write_text
+from .preset_pictures import draw_pictures
 
 __all__ = ["CLASSES"]
 
@@ -32,6 +33,8 @@ FACES = {
 }
 
 
+# How large the picture by which a preset is chosen is, in units of lines.
+PICTURE_SCALE = 4.0
 # How much of the line the button has; Live has the rest.
 BUTTON = 0.74
 
@@ -266,6 +269,7 @@ def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> N
     write_text(context, column, "Or step by step, on the active mesh:")
     column.operator("esh.scatter_add", text="New Scatter", icon="ADD")
     column.menu("ESH_MT_presets", text="From a Preset", icon="PRESET")
+    draw_pictures(column, PICTURE_SCALE)
     column.separator()
     write_text(context, column, "Or look at one first:")
     column.operator("esh.example", icon="OUTLINER_OB_POINTCLOUD")

@@ -42,9 +42,9 @@ class Layout:
 
     row = column = split = box = _nested
 
-    def template_icon(self, *, icon_value, scale):
-        assert icon_value > 0 and scale > 0.0
-        self.drawn.append(f"icon {icon_value}")
+    def template_icon_view(self, data, name, *, show_labels, scale, scale_popup):
+        assert show_labels and scale > 0.0 and scale_popup > 0.0
+        self.prop(data, name)
 
     def separator(self, **_options):
         pass
@@ -86,10 +86,12 @@ class Layout:
         menu = getattr(bpy.types, identifier)
         menu.draw(SimpleNamespace(layout=self), shown_context())
 
-    def operator(self, identifier, *, text="", icon="NONE", **_options):
+    def operator(self, identifier, *, text="", icon="NONE", icon_value=0, **_options):
         group, name = identifier.split(".")
         getattr(getattr(bpy.ops, group), name).get_rna_type()
         self._check_icon(icon)
+        if icon_value:
+            self.drawn.append(f"icon {icon_value}")
         self.drawn.append(identifier)
         return SimpleNamespace()
 
@@ -376,7 +378,7 @@ def test_every_operator_is_in_the_object_menu():
     Layout(of_assets).menu("ESH_MT_assets")
     by_hand |= set(of_assets)
     assert len(of_assets) == 4
-    assert {cls.bl_idname for cls in operators.CLASSES} - by_hand == set(drawn)
+    assert {cls.bl_idname for cls in operators.CLASSES} - by_hand == set(drawn) - {"esh_scatter_preset"}
     assert all("INTERNAL" not in getattr(cls, "bl_options", ()) for cls in operators.CLASSES), "F3 would not find them"
 
 
@@ -597,6 +599,7 @@ def test_every_preset_is_shown_by_its_picture(monkeypatch):
     monkeypatch.setattr(menus, "picture_of", number_of)
     drawn: list[str] = []
     Layout(drawn).menu("ESH_MT_presets")
+    assert "esh_scatter_preset" in drawn, "one picture opens all of them, to be clicked"
     icons = [text for text in drawn if text.startswith("icon ")]
     assert len(icons) == drawn.count("esh.preset_apply") == len(built_in_presets()) and shown == list(
         built_in_presets()
@@ -604,6 +607,22 @@ def test_every_preset_is_shown_by_its_picture(monkeypatch):
     assert len(preset_pictures._pictures) == len(shown), "every one has a picture"
     preset_pictures.detach()
     assert preset_pictures._pictures is None and preset_pictures.picture_of("nowhere.json") == 0
+
+
+def test_a_preset_is_chosen_by_its_picture():
+    """Its picture is a button of Blender's, which sets what it is asked for; the same preset may be chosen again."""
+    manager, settings = bpy.context.window_manager, bpy.context.scene.esh_scatter
+    choices = preset_pictures._presets(None, None)
+    assert [(path, name) for path, name, *_ in choices] == list(built_in_presets().items())
+    manager.esh_scatter_preset = choices[0][0]
+    assert not settings.scatters, "there is no ground"
+    assert "esh_scatter_preset" in draw_all()
+    ground = new_object("Ground")
+    bpy.context.view_layer.objects.active = ground
+    for number, choice in enumerate((choices[2], choices[2], choices[1]), start=1):
+        manager.esh_scatter_preset = choice[0]
+        assert len(settings.scatters) == number and settings.active.name.startswith(choice[1])
+        assert settings.active.target == ground
 
 
 def test_settings_are_summed_up_once_while_all_panels_are_drawn(monkeypatch):
