@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["connected"]
+__all__ = ["connected", "connected_pixels"]
 
 
 def connected(count: int, one: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -23,3 +23,18 @@ def connected(count: int, one: np.ndarray, other: np.ndarray) -> np.ndarray:
             if np.array_equal(further, label):
                 break
             label = further
+
+
+def connected_pixels(mask: np.ndarray) -> np.ndarray:
+    """Number of the part that every pixel of a mask is in, from 0 on; -1 elsewhere. Pixels that share a side are in one part.
+
+    Args:
+        mask: Shape ``[height, width]``, bool.
+    """
+    # Runs of pixels are far fewer than pixels.
+    begins = mask & ~np.pad(mask[:, :-1], ((0, 0), (1, 0)))
+    run = np.cumsum(begins).reshape(mask.shape) - 1
+    meets = mask[1:] & mask[:-1]
+    pairs = np.unique(np.stack([run[:-1][meets], run[1:][meets]], axis=1), axis=0)
+    label = connected(int(begins.sum()), pairs[:, 0], pairs[:, 1])
+    return np.where(mask, label[np.maximum(run, 0)], -1) if len(label) else np.full(mask.shape, -1)

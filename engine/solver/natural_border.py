@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..device.launcher import Launcher
+from ..problem.apportionment import apportion
 from ..problem.body_footprints import footprints_of
 from ..problem.domain import Domain
 from ..problem.fixed_bodies import FixedBodies
@@ -45,6 +46,8 @@ STEPS_WITHIN = 12
 # Where densities are everywhere the same, bodies come to stand in rows along the axes, and a border along these has a row at it or has
 # not. So the domain is cut out turned by this angle [rad], half way between two ways of the rows.
 TURN = math.pi / 12.0
+# Parts of the ground that do not meet have the numbers that they ask for, if these are not below this.
+FEWEST_OF_PART = 4.0
 # A domain that is longer than so many times its width is not joined to its other sides, which meshes would have to be fine for.
 MOST_ELONGATED = 100.0
 
@@ -199,6 +202,22 @@ class NaturalBorder:
         middle = 0.5 * np.array(self._asked.rectangle.size)
         return (position - middle) @ np.array([[c, s], [-s, c]]) + 0.5 * np.array(self._size)
 
+    def _parts(
+        self, body_class: PreparedClass, beyond: DensityBeyond, position: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """The part of a class's ground that each body is in, and the shares of its density that these have; None where it is one.
+
+        Those that ask for few bodies are one with the largest.
+        """
+        if beyond.part is None or beyond.depth is None:
+            return None
+        inner = beyond.depth > 0.0
+        share = np.bincount(beyond.part[inner], beyond.image[inner])
+        share /= share.sum()
+        number = np.where(share * body_class.body_count < FEWEST_OF_PART, int(share.argmax()), np.arange(len(share)))
+        part = number[sample_density(beyond.part, position, self._size)]
+        return part, np.bincount(number, share, len(share))
+
     def cut(self, position: np.ndarray, model: Model) -> Kept:
         """Return which bodies are kept, and where.
 
@@ -224,7 +243,7 @@ class NaturalBorder:
                 if beyond.depth is not None:
                     depth = np.minimum(depth, sample_density(beyond.depth, position[own], self._size))
                 # Those that lie deepest, in the order that they have, which is one of neighbors.
-                chosen = np.sort(own[np.argsort(-depth, kind="stable")[:count]])
+                chosen = np.sort(own[_deepest(depth, count, self._parts(body_class, beyond, position[own]))])
                 to = np.arange(first, first + count)
                 if not kept.has_one_area or kept.footprint is not None:
                     # The largest are the largest.
@@ -243,6 +262,28 @@ class NaturalBorder:
                 result[own] = move_into_support(model.supports[number], result[own], self._asked.rectangle.size)
         result[model.fixed] = self._asked.fixed.position
         return Kept(result, source)
+
+
+def _deepest(depth: np.ndarray, count: int, parts: tuple[np.ndarray, np.ndarray] | None) -> np.ndarray:
+    """Return which ``count`` bodies lie deepest; of several parts of the ground, as many in each as its share asks for.
+
+    Args:
+        depth: How deep bodies lie within the border, shape ``[n]``.
+        count: How many, at most ``n``.
+        parts: The part that each body is in, shape ``[n]``, and the share of each; None where there is one.
+    """
+    deepest = np.argsort(-depth, kind="stable")
+    if parts is None:
+        return deepest[:count]
+    part, share = parts
+    wanted = apportion(count, share)
+    # Place of each body among those of its part, the deepest first.
+    by_part = deepest[np.argsort(part[deepest], kind="stable")]
+    there = np.bincount(part, minlength=len(share))
+    place = np.empty(len(part), np.int64)
+    place[by_part] = np.arange(len(part)) - np.repeat(np.cumsum(there) - there, there)
+    # Where a part has too few, others make up for it.
+    return deepest[np.argsort(place[deepest] >= wanted[part[deepest]], kind="stable")[:count]]
 
 
 def _share_of_ground(body_class: PreparedClass) -> float:

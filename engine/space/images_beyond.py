@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..device.launcher import Launcher
+from ..problem.connected import connected_pixels
 from .support import depth_in_support, vectors_to_support
 
 __all__ = ["AxisBeyond", "DensityBeyond", "KnownWays", "density_beyond", "image_beyond"]
@@ -32,11 +33,13 @@ class DensityBeyond(NamedTuple):
         image: That density.
         more: Its integral over that of the part within the edges.
         depth: How deep pixels lie within the edges [m]; None where these are the domain's only.
+        part: Of several parts that do not meet, the number of the one that each pixel is in, or nearest to; None where it is one.
     """
 
     image: np.ndarray
     more: float
     depth: np.ndarray | None
+    part: np.ndarray | None = None
 
 
 class AxisBeyond(NamedTuple):
@@ -77,11 +80,13 @@ class _Ways(NamedTuple):
         nearest: Flat index of the nearest pixel that has a density.
         away: Distance from it [m], 0 where there is a density.
         deep: Distance from the nearest pixel that has none [m]; None where these are beyond the domain only.
+        part: Number of the part of the density that the nearest pixel is in; None where it is one part.
     """
 
     nearest: np.ndarray
     away: np.ndarray
     deep: np.ndarray | None
+    part: np.ndarray | None
 
 
 # By shape and pixels that have a density.
@@ -117,7 +122,8 @@ def density_beyond(
     if float(result.sum(dtype=np.float64)) > MOST_MORE * asked:
         result = np.where(ways.away <= reach + 0.5 * pixel.max(), result, np.float32(0.0))
     more = float(result.sum(dtype=np.float64)) / asked
-    return DensityBeyond(result, more, None if ways.deep is None else np.where(inner > 0.0, ways.deep, -ways.away))
+    depth = None if ways.deep is None else np.where(inner > 0.0, ways.deep, -ways.away)
+    return DensityBeyond(result, more, depth, ways.part)
 
 
 def _with_pixels(image: np.ndarray, count: int, axis: int) -> np.ndarray:
@@ -138,7 +144,7 @@ def _ways_beside(shape: tuple[int, ...], pads: Sequence[int], pixel: np.ndarray)
     at = [np.arange(n + 2 * pad) for n, pad in zip(shape, pads, strict=True)]
     row, column = (np.clip(i, pad, pad + n - 1) for i, n, pad in zip(at, shape, pads, strict=True))
     away = np.hypot(((at[0] - row) * pixel[1])[:, None], ((at[1] - column) * pixel[0])[None])
-    return _Ways(row[:, None] * len(at[1]) + column, away, None)
+    return _Ways(row[:, None] * len(at[1]) + column, away, None, None)
 
 
 def _ways(launcher: Launcher, inner: np.ndarray, size: tuple[float, float], pixel: np.ndarray) -> _Ways:
@@ -148,7 +154,9 @@ def _ways(launcher: Launcher, inner: np.ndarray, size: tuple[float, float], pixe
     row = np.clip(row - np.rint(way[..., 1] / pixel[1]).astype(int), 0, height - 1)
     column = np.clip(column + np.rint(way[..., 0] / pixel[0]).astype(int), 0, width - 1)
     away = np.hypot(way[..., 0], way[..., 1])
-    return _Ways(row * width + column, away, depth_in_support(launcher, inner, size))
+    nearest, part = row * width + column, connected_pixels(inner > 0.0)
+    of_nearest = part.ravel()[nearest] if part.max() > 0 else None
+    return _Ways(nearest, away, depth_in_support(launcher, inner, size), of_nearest)
 
 
 def image_beyond(image: np.ndarray, beyond: Sequence[float]) -> np.ndarray:

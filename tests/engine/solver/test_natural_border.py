@@ -64,6 +64,22 @@ def test_no_row_along_the_border(name, image):
     assert at_two < 1.5 * open_at_two and at_one < 0.006
 
 
+def test_parts_that_do_not_meet_have_the_numbers_that_they_ask_for():
+    """Who lay deepest anywhere was kept, so that one island had some too many and another too few: errors at k = 2 seven times as large."""
+    islands = (np.hypot(COLUMN + 0.2, ROW) < 0.2) * 1.0 + (np.hypot(COLUMN - 0.28, ROW + 0.1) < 0.13) * 2.0
+    # One that asks for less than a body.
+    islands[4:6, 4:6] = 0.5
+    error = {}
+    for boundary in ("open", "natural"):
+        placement = esh.solve(problem_of(boundary, islands.astype(np.float32), 1500), device="cpu")
+        at = placement.position / SIDE - 0.5
+        smaller = np.hypot(at[:, 0] - 0.28, at[:, 1] - 0.1) < 0.14
+        asked = 1500 * islands[:, 135:].sum() / islands.sum()
+        assert abs(smaller.sum() - asked) < 1.5
+        error[boundary] = coverage_error(placement.position, placement.area, islands, placement.problem.domain, 2.0)
+    assert error["natural"] < 2.0 * error["open"]
+
+
 def mixed(boundary):
     """Two classes of several sizes, ranges and listed areas on different densities, with an obstacle, apart from each other."""
     trees = [esh.Size("l", area=3.0, count=50), esh.Size("s", area=(0.2, 1.5), count=200, distribution="uniform")]
