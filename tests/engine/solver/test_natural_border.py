@@ -65,7 +65,7 @@ def test_no_row_along_the_border(name, image):
 
 
 def test_parts_that_do_not_meet_have_the_numbers_that_they_ask_for():
-    """Who lay deepest anywhere was kept, so that one island had some too many and another too few: errors at k = 2 seven times as large."""
+    """Who lay deepest anywhere was kept, so that one island had some too many and another too few."""
     islands = (np.hypot(COLUMN + 0.2, ROW) < 0.2) * 1.0 + (np.hypot(COLUMN - 0.28, ROW + 0.1) < 0.13) * 2.0
     # One that asks for less than a body.
     islands[4:6, 4:6] = 0.5
