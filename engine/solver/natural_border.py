@@ -212,8 +212,8 @@ class NaturalBorder:
         if beyond.part is None or beyond.depth is None:
             return None
         inner = beyond.depth > 0.0
-        share = np.bincount(beyond.part[inner], beyond.image[inner])
-        share /= share.sum()
+        charge = np.bincount(beyond.part[inner], beyond.image[inner])
+        share = charge / charge.sum()
         number = np.where(share * body_class.body_count < FEWEST_OF_PART, int(share.argmax()), np.arange(len(share)))
         part = number[sample_density(beyond.part, position, self._size)]
         return part, np.bincount(number, share, len(share))
