@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import ProblemError
 from . import validation
 from .connected import connected
+from .connected_triangles import parts_of
 from .settings import settle
 from .sides import Sides, sides_of
 from .smooth_normals import corner_normals, creased_sides
@@ -118,7 +119,7 @@ class Surface:
         source: Triangle of the meshes, counted through all of them, that each is, shape ``[t]``: those without an area are left out.
         normal: Of length 1, shape ``[t, 3]``; neighbors look to the same side.
         triangle_area: In m², shape ``[t]``.
-        part: Which of the parts that share no vertices each is in, shape ``[t]``.
+        part: Which of the parts that share no sides each is in, see :func:`.parts_of`, shape ``[t]``.
         turned: Whether a triangle was turned round, so that its second and third corners have changed places, shape ``[t]``.
         welded: The triangles by vertices that are one where they lie in one place, shape ``[t, 3]``.
         sides: The sides of these.
@@ -177,7 +178,7 @@ class Surface:
             "source": kept,
             "normal": np.where(turned[:, None], -normal, normal),
             "triangle_area": 0.5 * length[kept],
-            "part": _parts(welded),
+            "part": parts_of(welded, sides),
             "turned": turned,
             "welded": welded,
             "sides": sides,
@@ -454,10 +455,3 @@ def _turned(sides: Sides) -> np.ndarray:
     # The side that most triangles of the sheet look to is the right one.
     votes = np.bincount(sheet, weights=np.where(turned, -1.0, 1.0), minlength=len(wrong))
     return turned ^ (votes < 0.0)[sheet]
-
-
-def _parts(welded: np.ndarray) -> np.ndarray:
-    """Number of the part that every triangle is in: triangles that share a vertex are in one part."""
-    vertex = np.arange(int(welded.max()) + 1)
-    label = connected(len(vertex), welded[:, [0, 1]].ravel(), welded[:, [1, 2]].ravel())
-    return np.unique(label[welded[:, 0]], return_inverse=True)[1].ravel()

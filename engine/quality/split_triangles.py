@@ -137,7 +137,8 @@ def split_triangles(surface: Surface, longest: float, most: int) -> SplitTriangl
         np.maximum.at(parts, result.sides.number, np.ceil(_lengths(result).ravel() / longest).astype(np.int64))
         of_sides = parts[result.sides.number].reshape(-1, 3)
         of_sides[of_sides.min(axis=1) > 1] = 1
-        if int(of_sides.sum()) - 2 * len(result) <= most:
+        # With none split there are as many as before, which may be more.
+        if int(of_sides.sum()) - 2 * len(result) <= max(most, len(result)):
             break
         longest, parts = LONGER * longest, np.ones_like(parts)
     return result if of_sides.max() == 1 else result._after(*_across(parts, result.sides))

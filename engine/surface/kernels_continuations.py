@@ -1,10 +1,8 @@
-"""Kernels that find where one part of a surface continues on another: at edges that lie on edges, or stand on faces."""
+"""Kernels that find where one part of a surface continues on another: at edges that lie on edges."""
 
 from __future__ import annotations
 
 import warp as wp
-
-from .kernels_near_surface import nearest_in_triangle
 
 wp.set_module_options({"enable_backward": False})
 
@@ -12,11 +10,6 @@ wp.set_module_options({"enable_backward": False})
 ALONG_COSINE = wp.constant(0.9999)
 # The faces beside them look to about the same side, and lie on opposite ones of the edge: within 60 degrees.
 SMOOTH_COSINE = wp.constant(0.5)
-# An edge lies in a face whose normal it is at right angles to, to within 0.8 degrees, and the face beside it rises by 30 or more.
-IN_FACE_COSINE = wp.constant(0.014)
-LEAST_RISE = wp.constant(0.5)
-# It rises by so much at least, in units: the bodies on a thinner plate would see those below that it hides.
-LEAST_HEIGHT = wp.constant(1.0)
 
 
 @wp.struct
@@ -66,22 +59,6 @@ def edge_beside(
     return False
 
 
-@wp.func
-def is_in(mesh: wp.uint64, other: int, p: wp.vec3, near: float) -> bool:
-    """Whether a triangle holds a point."""
-    a, b = wp.mesh_get_point(mesh, 3 * other), wp.mesh_get_point(mesh, 3 * other + 1)
-    return wp.length(nearest_in_triangle(p, a, b, wp.mesh_get_point(mesh, 3 * other + 2)) - p) <= near
-
-
-@wp.func
-def rises(mesh: wp.uint64, part: wp.array(dtype=wp.int32), own: int, p: wp.vec3, inward: wp.vec3, near: float) -> bool:
-    """Whether a part, ``own``, goes on from a point of an edge along the face beside it for at least a unit."""
-    hit = wp.mesh_query_point_no_sign(mesh, p + LEAST_HEIGHT * inward, near)
-    if not hit.result:
-        return False
-    return part[hit.face] == own
-
-
 @wp.kernel(enable_backward=False)
 def find_continuations(
     first: int,
@@ -100,8 +77,6 @@ def find_continuations(
     own, p = side[i], point[i]
     triangle, along, inward, near = sides.triangle[own], sides.along[own], sides.inward[own], sides.near[own]
     found[i] = -1
-    # Whether the face beside the edge is high enough to stand on another one: 1 or 0; -1 before that was asked.
-    high = int(-1)
     reach = wp.vec3(near, near, near)
     query = wp.mesh_query_aabb(mesh, p - reach, p + reach)
     other = int(0)
@@ -111,10 +86,4 @@ def find_continuations(
             continue
         if wp.dot(normal[other], normal[triangle]) > SMOOTH_COSINE:
             if edge_beside(mesh, edge_sides[other], other, p, along, inward, near):
-                found[i] = other
-        flat = wp.abs(wp.dot(normal[other], along)) < IN_FACE_COSINE
-        if flat and wp.dot(normal[other], inward) > LEAST_RISE and is_in(mesh, other, p, near):
-            if high < 0:
-                high = wp.where(rises(mesh, part, part[triangle], p, inward, near), 1, 0)
-            if high == 1:
                 found[i] = other

@@ -10,6 +10,7 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..problem.connected import connected
 from ..problem.surface import Surface
+from ..problem.unit_vectors import unit_vectors
 from . import kernels_facets
 from .continuations import continued_parts
 
@@ -20,6 +21,8 @@ BEYOND = 0.05
 NEAR = 0.02
 # Two borders meet that are nearer than so many times the first.
 MEETS = 2.0
+# One border lies above another where this is less than the cosines between both parts' normals and ways into them: within 60 degrees.
+ABOVE = 0.5
 # Directions that are looked into: straight on, and turned towards the front and the back [rad].
 TURNS = np.radians([0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0])
 # Places along a side that are looked at: one for every unit of its length, but at most so many.
@@ -96,18 +99,29 @@ def _beyond(
         found = face.numpy()
         # Where a side ends on the middle of another part, as a sticker does, the two only touch: borders must meet.
         hit = np.flatnonzero(found >= 0)
-        meets = _distance_to_open_sides(place, surface, found[hit], probe[hit]) < MEETS * BEYOND
+        away, inward = _nearest_open_side(place, surface, found[hit], probe[hit])
+        # And where both go the same way from there, one lies above the other.
+        side = own[hit]
+        alike = (surface.normal[triangle[side]] * surface.normal[found[hit]]).sum(axis=1) > ABOVE
+        meets = (away < MEETS * BEYOND) & ~(alike & ((inward * out[side]).sum(axis=1) < -ABOVE))
         result[left[hit[meets]]] = found[hit[meets]]
     return result, number
 
 
-def _distance_to_open_sides(place: np.ndarray, surface: Surface, triangle: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Distance from points to the nearest open side of a triangle each; infinite where it has none."""
-    nearest = np.full(len(point), np.inf)
+def _nearest_open_side(
+    place: np.ndarray, surface: Surface, triangle: np.ndarray, point: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Distance from points to the nearest open side of a triangle each, infinite where it has none; and the way into it from there."""
+    nearest, inward = np.full(len(point), np.inf), np.zeros((len(point), 3))
     for k in range(3):
-        start, end = (place[surface.triangle[triangle, (k + step) % 3]] for step in (1, 2))
+        apex, start, end = (place[surface.triangle[triangle, (k + step) % 3]] for step in (0, 1, 2))
         way = end - start
-        along = np.clip(((point - start) * way).sum(axis=1) / np.maximum((way**2).sum(axis=1), 1e-30), 0.0, 1.0)
-        distance = np.linalg.norm(start + along[:, None] * way - point, axis=1)
-        nearest = np.where(surface.open_side[triangle, k], np.minimum(nearest, distance), nearest)
-    return nearest
+        along = ((point - start) * way).sum(axis=1) / np.maximum((way**2).sum(axis=1), 1e-30)
+        distance = np.linalg.norm(start + np.clip(along, 0.0, 1.0)[:, None] * way - point, axis=1)
+        nearer = surface.open_side[triangle, k] & (distance < nearest)
+        nearest = np.where(nearer, distance, nearest)
+        direction = unit_vectors(way)
+        up = apex - start
+        up = unit_vectors(up - direction * (up * direction).sum(axis=1)[:, None])
+        inward = np.where(nearer[:, None], up, inward)
+    return nearest, inward

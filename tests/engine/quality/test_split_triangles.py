@@ -79,3 +79,8 @@ def test_coverage_errors_do_not_depend_on_slivers(columns):
         charges = heat.charges(*on_device, np.ones(len(place)))
         found.append([heat.error(charges, float(len(place)), heat.target(), len(place), k) for k in (1.0, 2.0)])
     np.testing.assert_allclose(found[1], found[0], rtol=0.25, atol=3e-3)
+
+
+def test_more_triangles_than_are_allowed_stay_whole():
+    """Sides were let be longer and longer, without end."""
+    assert split_triangles(strips(40, 40), 0.001, 1000).is_whole

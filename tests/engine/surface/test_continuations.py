@@ -1,4 +1,4 @@
-"""Closed meshes that touch along a crease, as the pieces of a kit do."""
+"""Meshes that touch along a crease, as the pieces of a kit do, and those that only lie on each other."""
 
 from __future__ import annotations
 
@@ -43,12 +43,16 @@ ONE = {
     "walls of other triangles": [box(2, 0.2, 1, finer=2), box(1.3, 0.2, 1, (1.65, 0, 0.1), 3)],
     "a gap of a thousandth": [box(1, 1, 1), box(1, 1, 1, (1.001, 0.3, 0))],
     "bricks": [box(0.4, 0.2, 0.2, (0.4 * i + 0.2 * (j % 2), 0, 0.2 * j)) for i in range(4) for j in range(4)],
+    "ground that ends at a box": [sheet(2, 2, (0, 0, 0.5)), box(1, 2, 1, (1.5, 0.3, 0))],
+}
+# Were these joined, what lies on or in each other there would be, too: carpets and the floor, by the wall that they end at.
+SEVERAL = {
     "a box on the ground": [sheet(3, 3, (0, 0, 0)), box(1, 1, 1, (0, 0, 0.5))],
     "a smaller box on a box": [box(1, 1, 1), box(0.6, 0.6, 0.6, (0, 0, 0.8))],
     "ground that ends at a wall": [sheet(2, 2, (0, 0, 0.2)), box(1, 2, 1, (1.5, 0.3, 0))],
-    "ground that ends at a box": [sheet(2, 2, (0, 0, 0.5)), box(1, 2, 1, (1.5, 0.3, 0))],
-}
-SEVERAL = {
+    "a carpet that ends at a wall": [box(3, 3, 0.1), box(0.1, 3.4, 2, (1.55, 0, 1)), sheet(2.5, 2, (0.25, 0, 0.055))],
+    "sheets of one outline, one above the other": [sheet(1, 1, (0, 0, 0)), sheet(1, 1, (0, 0, 0.001))],
+    "sheets farther above each other": [sheet(1, 1, (0, 0, 0)), sheet(1, 1, (0, 0, 0.005))],
     "a thin plate on the ground": [sheet(3, 3, (0, 0, 0)), box(1, 1, 0.02, (0, 0, 0.01))],
     "a ball on the ground": [sheet(3, 3, (0, 0, 0)), trimesh.creation.icosphere(3).apply_translation((0, 0, 1))],
     "a box that is sunk into the ground": [sheet(3, 3, (0, 0, 0)), box(1, 1, 1, (0, 0, 0.2))],
