@@ -1,4 +1,4 @@
-"""Where parts of a surface that touch continue on each other: a crease or border of one lies on one of the other, or on a face.
+"""Where parts of a surface that touch continue on each other: a crease or border of one lies on a crease or border of the other.
 
 Pieces of a kit are like that, which stand side by side or on each other and share no corners: from outside they are one surface.
 """

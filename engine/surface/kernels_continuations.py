@@ -10,6 +10,10 @@ wp.set_module_options({"enable_backward": False})
 ALONG_COSINE = wp.constant(0.9999)
 # The faces beside them look to about the same side, and lie on opposite ones of the edge: within 60 degrees.
 SMOOTH_COSINE = wp.constant(0.5)
+# These faces go on for so far from the edge at least, to within the second, in units: by the narrow side of a thin plate the bodies on
+# it would see those on the floor below.
+LEAST_WIDTH = wp.constant(1.0)
+AS_WIDE = wp.constant(0.25)
 
 
 @wp.struct
@@ -43,20 +47,32 @@ def from_segment(point: wp.vec3, start: wp.vec3, end: wp.vec3) -> float:
 
 
 @wp.func
-def edge_beside(
+def goes_on(mesh: wp.uint64, part: wp.array(dtype=wp.int32), own: int, p: wp.vec3, inward: wp.vec3) -> bool:
+    """Whether a part, ``own``, is still there a unit from a point of its edge."""
+    hit = wp.mesh_query_point_no_sign(mesh, p + LEAST_WIDTH * inward, AS_WIDE)
+    if not hit.result:
+        return False
+    return part[hit.face] == own
+
+
+@wp.func
+def way_beyond(
     mesh: wp.uint64, edges: int, other: int, p: wp.vec3, along: wp.vec3, inward: wp.vec3, near: float
-) -> bool:
-    """Whether one of a triangle's ``edges`` (bit k: opposite of corner k) lies at a point of another edge, and it beyond that."""
+) -> wp.vec3:
+    """The way into a triangle from one of its ``edges`` that lies at a point of another edge and leads beyond that; 0 for none.
+
+    Bit k of ``edges`` is the side opposite of corner k.
+    """
+    result = wp.vec3(0.0, 0.0, 0.0)
     for corner in range(3):
         if (edges >> corner & 1) == 1:
             start = wp.mesh_get_point(mesh, 3 * other + (corner + 1) % 3)
             end = wp.mesh_get_point(mesh, 3 * other + (corner + 2) % 3)
-            apex = wp.mesh_get_point(mesh, 3 * other + corner)
+            way = inward_of(start, end, wp.mesh_get_point(mesh, 3 * other + corner))
             runs_along = wp.abs(wp.dot(wp.normalize(end - start), along)) > ALONG_COSINE
-            opposite = wp.dot(inward_of(start, end, apex), inward) < -SMOOTH_COSINE
-            if runs_along and opposite and from_segment(p, start, end) <= near:
-                return True
-    return False
+            if runs_along and wp.dot(way, inward) < -SMOOTH_COSINE and from_segment(p, start, end) <= near:
+                result = way
+    return result
 
 
 @wp.kernel(enable_backward=False)
@@ -77,6 +93,8 @@ def find_continuations(
     own, p = side[i], point[i]
     triangle, along, inward, near = sides.triangle[own], sides.along[own], sides.inward[own], sides.near[own]
     found[i] = -1
+    # Whether its own part is wide enough: 1 or 0; -1 before that was asked.
+    wide = int(-1)
     reach = wp.vec3(near, near, near)
     query = wp.mesh_query_aabb(mesh, p - reach, p + reach)
     other = int(0)
@@ -85,5 +103,9 @@ def find_continuations(
         if part[other] == part[triangle] or (found[i] >= 0 and found[i] < other):
             continue
         if wp.dot(normal[other], normal[triangle]) > SMOOTH_COSINE:
-            if edge_beside(mesh, edge_sides[other], other, p, along, inward, near):
-                found[i] = other
+            way = way_beyond(mesh, edge_sides[other], other, p, along, inward, near)
+            if wp.length_sq(way) > 0.0 and goes_on(mesh, part, part[other], p, way):
+                if wide < 0:
+                    wide = wp.where(goes_on(mesh, part, part[triangle], p, inward), 1, 0)
+                if wide == 1:
+                    found[i] = other

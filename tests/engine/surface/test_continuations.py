@@ -51,6 +51,7 @@ SEVERAL = {
     "a smaller box on a box": [box(1, 1, 1), box(0.6, 0.6, 0.6, (0, 0, 0.8))],
     "ground that ends at a wall": [sheet(2, 2, (0, 0, 0.2)), box(1, 2, 1, (1.5, 0.3, 0))],
     "a carpet that ends at a wall": [box(3, 3, 0.1), box(0.1, 3.4, 2, (1.55, 0, 1)), sheet(2.5, 2, (0.25, 0, 0.055))],
+    "a carpet as wide as the floor": [box(3, 3, 0.2), box(3, 2, 0.02, (0, 0, 0.11))],
     "sheets of one outline, one above the other": [sheet(1, 1, (0, 0, 0)), sheet(1, 1, (0, 0, 0.001))],
     "sheets farther above each other": [sheet(1, 1, (0, 0, 0)), sheet(1, 1, (0, 0, 0.005))],
     "a thin plate on the ground": [sheet(3, 3, (0, 0, 0)), box(1, 1, 0.02, (0, 0, 0.01))],
