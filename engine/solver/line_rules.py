@@ -168,7 +168,7 @@ class LineRules:
 
 
 def length_blocks(model: Model) -> list[tuple[int, int]]:
-    """Rows and columns of blocks in which kinds of lines get their lengths; none for one length in an even density.
+    """Rows and columns of blocks in which kinds of lines get their lengths; none for one length in an even density, or in contact.
 
     Forces stretch lines to where there are few, so that one factor for all would leave them longer in light parts of a picture than
     in dark ones. Lengths that no force changes have no blocks, either.
@@ -180,7 +180,9 @@ def length_blocks(model: Model) -> list[tuple[int, int]]:
     count = np.bincount(model.body.kind + 1, minlength=len(model.kinds) + 1)[1:]
     for kind, many in zip(model.kinds, count.tolist(), strict=True):
         line = kind.line
-        even = line.longest == line.shortest and kind.body_class.density_image.size == 1
+        # What keeps apart has its length from contact, too.
+        alike = model.problem.avoid_overlap or kind.body_class.density_image.size == 1
+        even = line.longest == line.shortest and alike
         if even or line.stretch_weights[0] <= 0.0:
             result.append((0, 0))
             continue
