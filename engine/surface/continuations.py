@@ -14,6 +14,7 @@ from ..problem.surface import Surface
 from ..problem.unit_vectors import unit_vectors
 from . import kernels_continuations
 from .cut import bits_of_sides
+from .edge_places import places_along
 
 __all__ = ["continued_parts"]
 
@@ -50,13 +51,9 @@ def continued_parts(
     place = ((surface.position - 0.5 * (surface.low + surface.high)) / unit)[surface.triangle]
     triangle, corner = np.nonzero(surface.edge_side & _beside_others(place, part, near)[:, None])
     start, end, apex = (place[triangle, (corner + k) % 3] for k in (1, 2, 0))
-    length = np.linalg.norm(end - start, axis=1)
-    places = np.clip(np.ceil(PLACES * length), 1, MOST_PLACES).astype(np.int64)
-    side = np.repeat(np.arange(len(triangle)), places)
-    within = np.arange(len(side)) - np.repeat(np.cumsum(places) - places, places)
-    point = start[side] + (end - start)[side] * ((within + 0.5) / places[side])[:, None]
-    find = _Finder(launcher, surface, place, triangle, (start, end, apex), np.minimum(near, NEAR_FOR_LENGTH * length))
-    share = (length / places)[side]
+    side, point, share = places_along(start, end, PLACES, MOST_PLACES)
+    nearest = np.minimum(near, NEAR_FOR_LENGTH * np.linalg.norm(end - start, axis=1))
+    find = _Finder(launcher, surface, place, triangle, (start, end, apex), nearest)
     while len(side):
         found = find(part, side, point)
         hit = found >= 0

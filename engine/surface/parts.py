@@ -13,6 +13,7 @@ from ..problem.surface import Surface
 from ..problem.unit_vectors import unit_vectors
 from . import kernels_facets
 from .continuations import continued_parts
+from .edge_places import places_along
 
 __all__ = ["joined_parts"]
 
@@ -71,13 +72,9 @@ def _beyond(
     place = (surface.position - middle) / unit
     start, end, apex = (place[surface.triangle[triangle, (corner + k) % 3]] for k in (1, 2, 0))
     along = end - start
-    length = np.linalg.norm(along, axis=1)
-    out = np.cross(along / length[:, None], surface.normal[triangle])
+    out = np.cross(along / np.linalg.norm(along, axis=1)[:, None], surface.normal[triangle])
     out *= np.sign(((start - apex) * out).sum(axis=1))[:, None]
-    places = np.clip(np.ceil(length), 1, MOST_PLACES).astype(np.int64)
-    number = np.repeat(np.arange(len(triangle)), places)
-    within = np.arange(len(number)) - np.repeat(np.concatenate([[0], np.cumsum(places)[:-1]]), places)
-    point = start[number] + along[number] * ((within + 0.5) / places[number])[:, None]
+    number, point, _ = places_along(start, end, 1.0, MOST_PLACES)
     mesh = wp.Mesh(
         wp.array(place.astype(np.float32), dtype=wp.vec3, device=device),
         wp.array(surface.triangle.astype(np.int32).ravel(), dtype=wp.int32, device=device),
