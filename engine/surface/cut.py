@@ -9,6 +9,7 @@ import warp as wp
 
 from ..device.launcher import Launcher
 from ..device.running_sum import running_sum
+from ..problem.smooth_normals import bent_sides
 from ..problem.surface import Surface
 from . import kernels_cut
 
@@ -82,6 +83,7 @@ def triangles_of(launcher: Launcher, surface: Surface, open_side: np.ndarray) ->
     triangles.corner_normal = launcher.array(surface.corner_normal.reshape(-1, 3), wp.vec3d)
     triangles.open_sides = launcher.array(bits_of_sides(open_side), wp.int32)
     triangles.edge_sides = launcher.array(bits_of_sides(surface.edge_side), wp.int32)
+    triangles.bent_sides = launcher.array(bits_of_sides(bent_sides(surface.normal, surface.sides)), wp.int32)
     return triangles
 
 

@@ -29,13 +29,15 @@ class Pieces:
 class Triangles:
     """Of every triangle of a surface: its normal, where the smooth surface looks to at its corners, three for each, and sides.
 
-    Bit k of these is the side opposite of corner k: whether the surface ends there, and whether it ends or has a crease there.
+    Bit k of these is the side opposite of corner k: whether the surface ends there, whether it ends or has a crease there, and whether
+    it ends or bends so much there that forces change fast beside it.
     """
 
     normal: wp.array(dtype=wp.vec3d)
     corner_normal: wp.array(dtype=wp.vec3d)
     open_sides: wp.array(dtype=wp.int32)
     edge_sides: wp.array(dtype=wp.int32)
+    bent_sides: wp.array(dtype=wp.int32)
 
 
 @wp.struct
@@ -46,6 +48,7 @@ class Described:
     corner_normal: wp.array(dtype=wp.vec3d)
     open_sides: wp.array(dtype=wp.int32)
     edge_sides: wp.array(dtype=wp.int32)
+    bent_sides: wp.array(dtype=wp.int32)
     area: wp.array(dtype=wp.float64)
     longest: wp.array(dtype=wp.float64)
 
@@ -272,6 +275,7 @@ def describe(
     described.normal[f] = triangles.normal[own]
     described.open_sides[f] = sides_on(i, pieces, triangles.open_sides[own])
     described.edge_sides[f] = sides_on(i, pieces, triangles.edge_sides[own])
+    described.bent_sides[f] = sides_on(i, pieces, triangles.bent_sides[own])
     described.area[f] = area_of(i, pieces)
     described.longest[f] = wp.max(side_lengths(i, pieces))
 

@@ -262,6 +262,27 @@ def test_no_charge_is_lost_between_levels_beside_edges_of_several_parts(launcher
     assert node[home, 2].max() < 0.551
 
 
+def test_levels_do_not_make_more_of_a_charge_where_the_surface_folds(launcher):
+    # A star whose arms are narrower than what coarse nodes stand for: many of these have all others to one side.
+    angle = np.arange(10) * np.pi / 5
+    radius = np.where(np.arange(10) % 2, 0.5, 1.0)
+    outline = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    low, high = (np.column_stack([outline, np.full(10, z)]) for z in (0.0, 0.8))
+    i, j = np.arange(10), (np.arange(10) + 1) % 10
+    faces = [
+        np.stack(f, axis=1)
+        for f in ((i, j, j + 10), (i, j + 10, i + 10), (i * 0 + 20, j, i), (i * 0 + 21, i + 10, j + 10))
+    ]
+    surface = Surface(SurfaceMesh(np.concatenate([low, high, [[0, 0, 0], [0, 0, 0.8]]]), np.concatenate(faces)))
+    descent = SurfaceDescent(Model(Problem(surface, [BodyClass("a", [Size("s", 1e-6, 2000)])])), launcher)
+    levels = descent.cascade._levels
+    assert len(levels) > 3
+    for level in levels[:-1]:
+        start, value = level.up.start.numpy(), level.up_value.numpy()
+        np.testing.assert_allclose(np.add.reduceat(value, start[:-1]), 1.0, atol=1e-4)
+        assert np.add.reduceat(np.abs(value), start[:-1]).max() < 1.2
+
+
 def corner_normals_from_afar(launcher, vertices, faces, length, label=None):
     """Corners of facets, their normals, and what they are from so far away, shapes ``[f, 3, 3]``."""
     surface = Surface(SurfaceMesh(vertices, faces))

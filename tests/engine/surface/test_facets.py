@@ -7,8 +7,9 @@ import warp as wp
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.problem.surface import Surface, SurfaceMesh
+from esh.engine.surface import facets as facets_module
 from esh.engine.surface import kernels_facets
-from esh.engine.surface.facets import FACET, MOST_SLENDER, TILE, TILE_AT_END, Facets
+from esh.engine.surface.facets import FACET, MOST_SLENDER, TILE, TILE_AT_BEND, Facets
 from esh.engine.surface.parts import joined_parts
 
 
@@ -56,8 +57,31 @@ def test_tiles_are_finer_where_the_surface_ends(launcher):
     facets = cut(launcher, vertices, triangles)
     at_end = (vertices[triangles][:, :, :2] % 9.6 < 1e-9).any(axis=(1, 2))[facets.triangle]
     side = np.linalg.norm(facets.corner - np.roll(facets.corner, 1, axis=1), axis=2).max(axis=1)
-    assert (side[at_end] / facets.cuts[at_end]).max() <= TILE_AT_END * (1 + 1e-5)
+    assert (side[at_end] / facets.cuts[at_end]).max() <= TILE_AT_BEND * (1 + 1e-5)
     assert (facets.cuts[~at_end] == 2).all() and (~at_end).sum() > 20
+
+
+@pytest.mark.parametrize(("degrees", "finer"), [(4.0, False), (12.0, True), (90.0, True)])
+def test_tiles_are_finer_where_the_surface_bends(launcher, degrees, finer):
+    vertices, triangles = plate((0.0, 9.6), (0.0, 9.6), cells=8)
+    over = np.maximum(vertices[:, 0] - 4.8, 0.0)
+    angle = np.radians(degrees)
+    vertices = np.column_stack([vertices[:, 0] - over * (1.0 - np.cos(angle)), vertices[:, 1], -over * np.sin(angle)])
+    facets = cut(launcher, vertices, triangles)
+    x = np.column_stack(plate((0.0, 9.6), (0.0, 9.6), cells=8)[0].T)[triangles][:, :, 0][facets.triangle]
+    y = vertices[triangles][:, :, 1][facets.triangle]
+    inside = (y.min(axis=1) > 0.1) & (y.max(axis=1) < 9.5)
+    beside = (np.abs(x - 4.8) < 1e-9).any(axis=1) & inside
+    assert beside.sum() > 20
+    assert (facets.cuts[beside] > 2).all() == finer
+
+
+def test_fine_tiles_are_not_too_many(launcher, monkeypatch):
+    vertices, triangles = plate((0.0, 9.6), (0.0, 9.6), cells=8)
+    fine = cut(launcher, vertices, triangles).cuts
+    monkeypatch.setattr(facets_module, "MOST_AT_BENDS", 600)
+    few = cut(launcher, vertices, triangles).cuts
+    assert few.min() == fine.min() == 2 < few.max() < fine.max()
 
 
 def test_open_sides_follow_their_triangles(launcher):
