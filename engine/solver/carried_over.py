@@ -5,34 +5,36 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import warp as wp
 
-__all__ = ["CarriedOver"]
+__all__ = ["CarriedInPlane", "CarriedOver"]
 
 
 @dataclass(frozen=True, eq=False)
 class CarriedOver:
-    """Where the bodies of a new model are after an edit.
+    """Who the bodies of a new model are after an edit.
 
     Attributes:
-        position: [m], shape ``[n, 2]``, float64.
         source: Index of the same body in the old model, -1 for a new one, shape ``[n]``.
-        identity: Identity of every body, shape ``[n]``, int64.
-        removed: Positions of bodies that were taken out [m], shape ``[m, 2]``.
-        moved: Where bodies that stayed were and are, of those that are elsewhere now [m], shape ``[k, 2]``.
+        identity: Identity of every body, shape ``[n]``.
     """
 
-    position: np.ndarray
     source: np.ndarray
     identity: np.ndarray
-    removed: np.ndarray
-    moved: np.ndarray
 
-    @property
-    def changes(self) -> np.ndarray:
-        """Where bodies came, went or were moved [m], shape ``[c, 2]``."""
-        return np.concatenate([self.position[self.new], self.removed, self.moved])
 
-    @property
-    def new(self) -> np.ndarray:
-        """Whether a body is new, shape ``[n]``."""
-        return self.source < 0
+@dataclass(frozen=True, eq=False)
+class CarriedInPlane(CarriedOver):
+    """And where they are in a rectangle.
+
+    Attributes:
+        pose: Positions in the new model's unit, with neither angles nor lengths, on the device, ``wp.vec4``, shape ``[n]``.
+        new: Rows of bodies that are new, from the smallest on.
+        gone: Indices of bodies in the old model that are no more, from the smallest on.
+        changes: Where bodies came, went or were moved, in the new model's unit, shape ``[c, 2]``.
+    """
+
+    pose: wp.array
+    new: np.ndarray
+    gone: np.ndarray
+    changes: np.ndarray

@@ -44,7 +44,8 @@ class Descent:
         model: What is to be placed.
         launcher: Where to run.
         pose: Where bodies start, in the model's unit, shape ``[body_count, 4]``; None for the start of :mod:`.initial_placement`.
-            Where angle and length are NaN, they are what the rules for lines want at the start of an edit.
+            Where angle and length are NaN, they are what the rules for lines want at the start of an edit. Of a model without lines
+            it may be on the device, ``wp.vec4``, and belongs to the descent then.
         fewest_nodes: Of the mesh that shows details of the targets; None for as many as it takes to show all.
         targets: What attracts every group; None for the densities of the problem.
         whole_charge: What charges were before they faded, shape ``[charge_count]``; None where none did.
@@ -68,7 +69,7 @@ class Descent:
         model: Model,
         launcher: Launcher,
         *,
-        pose: np.ndarray | None = None,
+        pose: np.ndarray | wp.array | None = None,
         fewest_nodes: int | None = None,
         targets: list[FieldTarget] | None = None,
         whole_charge: np.ndarray | None = None,
@@ -149,7 +150,9 @@ class Descent:
         self.state.assign(self._first_state(None, start, self._pyramids))
         self.place_charges()
 
-    def _first_state(self, given: np.ndarray | None, start: int = 0, pyramids: Pyramids | None = None) -> State:
+    def _first_state(
+        self, given: np.ndarray | wp.array | None, start: int = 0, pyramids: Pyramids | None = None
+    ) -> State:
         model, launcher = self.model, self.launcher
         if given is None:
             pose = first_pose(launcher, model, self.images, start, pyramids)
@@ -158,6 +161,8 @@ class Descent:
                 values[:, 2:] = self.rules.first_angle_and_length(values[:, :2])
                 values[model.fixed, 2:] = self.rules.fixed_angle_and_length()
                 pose = wp.array(values, dtype=wp.vec4, device=launcher.device)
+        elif isinstance(given, wp.array):
+            pose = given
         else:
             values = given.copy()
             if not self.rules.kind_count:

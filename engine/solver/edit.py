@@ -3,368 +3,203 @@
 Most of a state is still right after an edit. Where a density fell its surplus is taken out, and set down where it rose; what is left
 to the descent is the small scale. Both happen at points that are spread by a small descent of their own, so that no place loses or
 gets two while another has none.
+
+Bodies stay on the device. What comes to the host is what follows from all of them: sums, and who came and went.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import warp as wp
 
-from ..problem.image_filters import gaussian_blur
+from ..device.launcher import Launcher
+from ..device.marked import numbers_of_marked
 from ..problem.of_bodies import is_same
-from ..problem.problem import Problem
-from ..space.density import box_integrals, move_into_support, sample_density
-from .attraction import BLUR_OF_FIXED, vacancy
+from . import kernels_edit
 from .body_flags import BodyFlags
-from .carried_over import CarriedOver
-from .line_rules import length_blocks
+from .carried_over import CarriedInPlane
+from .kernels_edit import Fate
 from .model import Model
-from .state import State
+from .places_in_support import move_poses_into_support
+from .size_edit import SizeEdit, compare_size, list_bodies
 
-__all__ = ["carry_lines", "carry_over", "in_support"]
-
-# Cells per body in which densities are compared; powers of two along either side.
-CELLS_PER_BODY = 2
-SMALLEST_ORDER, LARGEST_ORDER = 3, 10
-# Densities that differ by less have not changed: images are read and blurred in float32.
-UNCHANGED = 1e-4
-# Where fewer stay than this share, it is those that are spread evenly; elsewhere those that go are.
-FEW = 0.6
-# Bodies of a row of cells among which the nearest to a point is looked for.
-IN_ROW = 16
-
-
-@dataclass(eq=False)
-class _Change:
-    """What an edit does to the bodies of one size of a class, fixed ones aside.
-
-    Attributes:
-        rows: Their indices in the new model.
-        pool: Indices of those that there are, in the old one.
-        wanted: How many of them each cell is to have; row 0 at the bottom.
-        there: How many each cell has.
-        stays: Whether each of ``pool`` stays; at first, whether it has a place at all.
-        too_many: Places in ``pool`` of those where some are to go, but most stay.
-        thinned: Of those where most are to go.
-        surplus: How many are to go where most stay.
-        survivors: How many are to stay where most go.
-        placed: Old indices of those of them that are to be at the points that were spread for them, in their order.
-    """
-
-    rows: np.ndarray
-    pool: np.ndarray
-    wanted: np.ndarray
-    there: np.ndarray
-    stays: np.ndarray
-    too_many: np.ndarray
-    thinned: np.ndarray
-    surplus: int
-    survivors: int
-    placed: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
-
-    @property
-    def counts(self) -> list[int]:
-        """How many points are spread: for those that go, that survive where most go, and that come."""
-        staying = int(np.count_nonzero(self.stays)) - len(self.thinned) - self.surplus + self.survivors
-        return [self.surplus, self.survivors, len(self.rows) - staying]
-
-    @property
-    def densities(self) -> list[np.ndarray]:
-        """Over what they are spread; any density for none."""
-        goes, survives, comes = (count > 0 for count in self.counts)
-        most_go = self.wanted < FEW * self.there
-        loss = survival = gain = self.wanted
-        if goes:
-            loss = _somewhere(np.where(most_go, 0.0, np.maximum(self.there - self.wanted, 0.0)), self.wanted)
-        if survives:
-            survival = _somewhere(np.where(most_go, self.wanted, 0.0), self.wanted)
-        if comes:
-            gain = _somewhere(np.maximum(self.wanted - self.there, 0.0), self.wanted)
-        return [loss, survival, gain]
-
-    def thin_out(self, points: list[np.ndarray], position: np.ndarray, problem: Problem) -> None:
-        """Decide who stays, by the points that were spread over the first two densities."""
-        cells = max(1, int(math.sqrt(len(self.pool))))
-        candidates = self.too_many
-        if self.surplus > len(candidates):
-            candidates = np.flatnonzero(self.stays)
-            candidates = np.setdiff1d(candidates, self.thinned, assume_unique=True)
-        going = _nearest(points[0], position[self.pool[candidates]], problem, cells)
-        self.stays[candidates[going]] = False
-        self.stays[self.thinned] = False
-        chosen = self.thinned[_nearest(points[1], position[self.pool[self.thinned]], problem, cells)]
-        self.stays[chosen] = True
-        if len(chosen) < len(self.thinned):
-            self.placed = self.pool[chosen]
-
+__all__ = ["carry_over"]
 
 # Gets densities, row 0 at the bottom, and counts; returns as many points [m] for each.
 Spread = Callable[[list[np.ndarray], list[int]], list[np.ndarray]]
 
 
-def carry_over(old: Model, position: np.ndarray, model: Model, first_identity: int, spread: Spread) -> CarriedOver:
+def carry_over(
+    launcher: Launcher, old: Model, pose: wp.array, model: Model, first_identity: int, spread: Spread
+) -> CarriedInPlane:
     """Bring the bodies of one model over to another.
 
     Args:
+        launcher: Where to run.
         old: The model before the edit.
-        position: Where its bodies are [m], shape ``[old count, 2]``, float64.
+        pose: Where its bodies are, in its unit, ``wp.vec4``, shape ``[old count]``.
         model: The model after it, in the same domain.
         first_identity: Identity of the first body that is new; later ones follow.
         spread: Spreads points over densities.
     """
-    body, before = model.body, old.body
-    source = np.full(model.body_count, -1, np.int64)
-    result = np.zeros((model.body_count, 2))
-    fixed = np.flatnonzero(model.fixed)
-    # What is fixed now has its place from the problem; it may have been one of the old bodies.
-    index_of = {identity: index for index, identity in enumerate(before.identity.tolist())} if len(fixed) else {}
-    for row in fixed.tolist():
-        source[row] = index_of.get(int(body.identity[row]), -1)
-    result[fixed] = model.problem.fixed.position
-    used = (before.flags & BodyFlags.GHOST) != 0
-    used[source[fixed][source[fixed] >= 0]] = True
-    taken = used.copy()
-    changes = _changes(old, position, model, used)
+    edit = _Edit(launcher, old, pose, model)
+    sizes = edit.compare()
     points = spread(
-        [density for change in changes for density in change.densities],
-        [count for change in changes for count in change.counts],
+        [density for size in sizes for density in size.densities(launcher)],
+        [count for size in sizes for count in size.counts],
     )
-    there = fixed[source[fixed] >= 0]
-    elsewhere = [there[(result[there] != position[source[there]]).any(axis=1)]]
-    for number, change in enumerate(changes):
-        change.thin_out(points[3 * number : 3 * number + 2], position, model.problem)
-        at = points[3 * number + 2]
-        staying = change.pool[change.stays]
-        old_rows, new_rows = _seats(change.rows, len(staying), body.area)
-        if not is_same(before.area) and len(staying) and np.ptp(before.area[staying]) > 0.0:
-            # Bodies of a range keep their ranks.
-            staying = staying[np.argsort(before.area[staying], kind="stable")]
-        source[_run(old_rows)] = staying
-        result[_run(old_rows)] = position.take(staying, axis=0)
-        if len(change.placed):
-            # Where few are left of many they are as even as points are, not as those that they were among.
-            row_of = np.zeros(old.body_count, np.int64)
-            row_of[source[old_rows]] = old_rows
-            result[row_of[change.placed]] = points[3 * number + 1]
-            elsewhere.append(row_of[change.placed])
-        result[_run(new_rows)] = at
-    is_new = source < 0
-    gone = ~taken
-    gone[source[~is_new]] = False
-    # Of new ones it is anything for now.
-    identity = np.where(model.fixed, body.identity, before.identity.take(source, mode="clip")).astype(np.int64)
-    fresh = np.flatnonzero(is_new & ~model.fixed)
-    identity[fresh] = first_identity + np.arange(len(fresh))
-    result = in_support(model, result)
-    away = np.concatenate(elsewhere)
-    moved = np.concatenate([result[away], position[source[away]]])
-    return CarriedOver(result, source, identity, position[gone], moved)
+    for number, size in enumerate(sizes):
+        edit.settle(size, points[3 * number : 3 * number + 3])
+    return edit.result(first_identity)
 
 
-def _changes(old: Model, position: np.ndarray, model: Model, used: np.ndarray) -> list[_Change]:
-    """What is to happen to every size; marks the old bodies that belong to one as ``used``."""
-    body, before = model.body, old.body
-    old_classes = {c.name: index for index, c in enumerate(old.problem.classes)}
-    pinned_now = used.copy()
-    changes = []
-    for c, body_class in enumerate(model.problem.classes):
-        k = old_classes.get(body_class.name, -1)
-        old_sizes = {} if k < 0 else {s.name: i for i, s in enumerate(old.problem.classes[k].sizes)}
-        order = _order(body_class.body_count)
-        asked = _asked(model, c, order)
-        asked_before = np.zeros_like(asked)
-        if k >= 0:
-            asked_before = asked if _ask_alike(model, c, old, k) else _asked(old, k, order)
-        for s, size in enumerate(body_class.sizes):
-            rows = np.flatnonzero((body.class_index == c) & (body.size_index == s) & ~model.fixed)
-            of_size = (before.class_index == k) & (before.size_index == old_sizes.get(size.name, -1))
-            pool = np.flatnonzero(of_size & ~used)
-            used[pool] = True
-            there = float(np.count_nonzero(of_size & ~old.fixed)) * asked_before
-            # Who is pinned now no longer counts, who was let go does.
-            for sign, group in ((-1.0, of_size & ~old.fixed & pinned_now), (1.0, of_size & old.fixed & ~pinned_now)):
-                if group.any():
-                    there = np.maximum(
-                        there + sign * _blurred(position[group], model, body_class.body_count, order), 0.0
-                    )
-            total = float(there.sum())
-            if len(pool) and total > 0.0 and total != len(pool):
-                there = there * (len(pool) / total)
-            wanted = len(rows) * asked
-            changes.append(_change(rows, pool, wanted, there, position, model.problem))
-    return changes
-
-
-def _ask_alike(one: Model, class_index: int, other: Model, other_index: int) -> bool:
-    """Whether two classes of two models are to be placed alike, but for their numbers, and nobody is fixed in either."""
-    if one.has_fixed or other.has_fixed:
-        return False
-    images = one.problem.classes[class_index].density_image, other.problem.classes[other_index].density_image
-    return images[0] is images[1] or np.array_equal(*images)
-
-
-def _somewhere(density: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
-    return density if density.any() else otherwise
-
-
-def _blurred(position: np.ndarray, model: Model, count: int, order: int) -> np.ndarray:
-    """Bodies per cell, blurred as fixed ones are where they take the place of others."""
-    cells = 1 << order
-    column, row = _cells_of(position, cells, model.problem)
-    there = np.bincount(row * cells + column, minlength=cells * cells).reshape(cells, cells)
-    return gaussian_blur(there, BLUR_OF_FIXED * cells / math.sqrt(count))
-
-
-def _change(
-    rows: np.ndarray, pool: np.ndarray, wanted: np.ndarray, there: np.ndarray, position: np.ndarray, problem: Problem
-) -> _Change:
-    """See :class:`_Change`; ``position`` are those of all bodies before [m]."""
-    cells = len(wanted)
-    column, row = _cells_of(position[_run(pool)], cells, problem)
-    ratio = (wanted / np.maximum(there, 1e-300)).ravel().take(row * cells + column)
-    # Where nothing has changed, and where more are to come, all stay.
-    fewer = np.flatnonzero(ratio <= 1.0 - UNCHANGED)
-    ratio = ratio[fewer]
-    stays = np.ones(len(pool), bool)
-    stays[fewer[ratio <= 0.0]] = False
-    thinned, too_many = (ratio > 0.0) & (ratio < FEW), ratio >= FEW
-    survivors = min(round(float(ratio[thinned].sum())), len(rows))
-    surplus = round(float((1.0 - ratio[too_many]).sum()))
-    thinned, too_many = fewer[thinned], fewer[too_many]
-    has_place = int(np.count_nonzero(stays))
-    most_stay = has_place - len(thinned)
-    # As many come as the densities say; how many stay for that is decided where most go, or else where most stay. There is never one
-    # more than is asked for.
-    coming = round(float(np.maximum(wanted - there, 0.0).sum()))
-    staying = min(max(len(rows) - coming, 0), has_place)
-    of_thinned = survivors if surplus > survivors else staying - (most_stay - surplus)
-    survivors = min(max(of_thinned, 0), len(thinned), staying)
-    surplus = min(max(most_stay - (staying - survivors), 0), most_stay)
-    return _Change(rows, pool, wanted, there, stays, too_many, thinned, surplus, survivors)
-
-
-def _run(indices: np.ndarray) -> np.ndarray | slice:
-    """Indices as a slice where each follows the one before: NumPy copies a run ten times as fast."""
-    count = len(indices)
-    if count and indices[-1] - indices[0] + 1 == count and (indices[1:] > indices[:-1]).all():
-        return slice(int(indices[0]), int(indices[-1]) + 1)
-    return indices
-
-
-def _nearest(points: np.ndarray, position: np.ndarray, problem: Problem, cells: int) -> np.ndarray:
-    """Indices of bodies, a different one for each point: the nearest that is left of those in the cells around it.
-
-    There are so many ``cells`` along either side of the domain.
-    """
-    count = len(points)
-    if count == 0:
-        return np.zeros(0, np.int64)
-    if count >= len(position):
-        return np.arange(len(position))
-    column, row = _cells_of(position, cells, problem)
-    key = row * cells + column
-    by_cell = np.argsort(key, kind="stable")
-    key = key[by_cell]
-    column, row = _cells_of(points, cells, problem)
-    candidates = []
-    for step in (-1, 0, 1):
-        line = (row + step) * cells
-        first = np.searchsorted(key, line + np.maximum(column - 1, 0))
-        last = np.searchsorted(key, line + np.minimum(column + 1, cells - 1), side="right")
-        last = np.where((row + step >= 0) & (row + step < cells), last, first)
-        # In a crowd, those in the middle of the range.
-        first = np.maximum(first, (first + last - IN_ROW) // 2)
-        entry = first[:, None] + np.arange(IN_ROW)
-        candidates.append(np.where(entry < last[:, None], by_cell[np.minimum(entry, len(key) - 1)], -1))
-    found = np.concatenate(candidates, axis=1)
-    # Axis by axis: along rows of two numbers NumPy is several times slower.
-    away = sum((position[:, axis].take(found, mode="clip") - points[:, axis, None]) ** 2 for axis in (0, 1))
-    away[found < 0] = np.inf
-    # Each row by distance; couples of equal distance as they were found.
-    ranked = np.take_along_axis(found, np.argsort(away, axis=1, kind="stable"), axis=1)
-    chosen = _first_come(ranked, len(position))
-    missed = np.flatnonzero(chosen < 0)
-    if len(missed):
-        # Points far from all bodies.
-        free = np.ones(len(position), bool)
-        free[chosen[chosen >= 0]] = False
-        left = np.flatnonzero(free)
-        chosen = np.concatenate(
-            [chosen[chosen >= 0], left[np.linspace(0, len(left) - 1, len(missed)).astype(np.int64)]]
-        )
-    return chosen
-
-
-def _first_come(ranked: np.ndarray, count: int) -> np.ndarray:
-    """What every row gets of its candidates, the best first, where each goes to the first row that wants it; -1 where nothing is left.
+class _Edit:
+    """An edit that is being made: who has come from where so far.
 
     Args:
-        ranked: Candidates of every row, shape ``[n, k]``, below ``count``; those below 0 are none.
-        count: How many candidates there are.
+        launcher: Where to run.
+        old: The model before the edit.
+        pose: Where its bodies are, in its unit.
+        model: The model after it.
     """
-    rows = len(ranked)
-    result, next_one = np.full(rows, -1, np.int64), np.zeros(rows, np.int64)
-    # All ask at once, and who is turned away asks for the next: whoever comes first gets it in the end, in whatever order they ask.
-    holder = np.full(count, rows, np.int64)
-    asking = np.arange(rows)
-    while len(asking):
-        wanted = ranked[asking, next_one[asking]]
-        next_one[asking] += 1
-        real = wanted >= 0
-        candidate, row = wanted[real], asking[real]
-        before = holder[candidate]
-        np.minimum.at(holder, candidate, row)
-        won = holder[candidate] == row
-        displaced = before[won]
-        result[displaced[displaced < rows]] = -1
-        result[row[won]] = candidate[won]
-        again = np.concatenate([asking[~real], row[~won], displaced[displaced < rows]])
-        asking = again[next_one[again] < ranked.shape[1]]
+
+    def __init__(self, launcher: Launcher, old: Model, pose: wp.array, model: Model) -> None:
+        self._launcher, self._old, self._model, self._pose_before = launcher, old, model, pose
+        self._pose = launcher.empty(model.body_count, wp.vec4)
+        self._source, self._row_of = (launcher.empty(count, wp.int32) for count in (model.body_count, old.body_count))
+        self._source.fill_(-1)
+        self._row_of.fill_(-1)
+        self._fate = launcher.zeros(old.body_count, wp.int32)
+        self._new: list[np.ndarray] = []
+        self._changes: list[np.ndarray] = []
+        # Who acts on others only is not there to be chosen.
+        self._used = (old.body.flags & BodyFlags.GHOST) != 0 if old.body.flags.any() else np.zeros(0, bool)
+        if model.has_fixed:
+            self._place_fixed()
+        if self._used.any():
+            used = launcher.array(np.flatnonzero(self._used).astype(np.int32), wp.int32)
+            launcher.launch(kernels_edit.decide_fates, len(used), [used, int(Fate.USED)], [self._fate])
+
+    def _place_fixed(self) -> None:
+        """What is fixed now has its place from the problem; it may have been one of the old bodies, as its identity says."""
+        old, model = self._old, self._model
+        fixed = np.flatnonzero(model.fixed)
+        by_identity = np.argsort(old.body.identity, kind="stable")
+        sorted_before = old.body.identity[by_identity]
+        at = np.minimum(np.searchsorted(sorted_before, model.body.identity[fixed]), old.body_count - 1)
+        known = sorted_before[at] == model.body.identity[fixed]
+        source, place = by_identity[at[known]], model.problem.fixed.position / model.unit
+        if not len(self._used):
+            self._used = np.zeros(old.body_count, bool)
+        self._used[source] = True
+        before = self._places(source)
+        self._seat(source.astype(np.int32), fixed[known])
+        self._put_down(fixed, place)
+        self._new.append(fixed[~known])
+        moved = (np.abs(before - place[known]) > 1e-6 * max(model.size)).any(axis=1)
+        self._changes += [place[~known], place[known][moved], before[moved]]
+
+    def compare(self) -> list[SizeEdit]:
+        """Look at every size of the new model: how many of its bodies are to go, and how many come."""
+        old, model = self._old, self._model
+        begin_before = {name: rows for name, *rows in _ranges(old)}
+        sizes = []
+        for (class_name, size_name), c, begin, end in _ranges(model):
+            rows = np.arange(begin, end, dtype=np.int32)
+            if model.has_fixed:
+                rows = rows[~model.fixed[begin:end]]
+            k, first, last = begin_before.get((class_name, size_name), (-1, 0, 0))
+            in_size = compare_size(
+                self._launcher, model, c, rows, old, k, slice(first, last), self._used, self._pose_before, self._fate
+            )
+            sizes.append(in_size)
+        return sizes
+
+    def settle(self, size: SizeEdit, points: list[np.ndarray]) -> None:
+        """Decide who of a size stays, give all of its bodies rows, and put the new ones to their points [m]."""
+        launcher, old, model = self._launcher, self._old, self._model
+        in_unit = [at / old.unit for at in points]
+        placed = size.thin_out(launcher, in_unit[:2], self._pose_before, old.size, self._fate)
+        staying = list_bodies(launcher, self._fate, size.pool, Fate.STAYS, Fate.TOO_MANY)
+        old_rows, new_rows = _seats(size.rows, len(staying), model.body.area)
+        area = old.body.area
+        if not is_same(area) and len(staying):
+            number = staying.numpy()
+            if np.ptp(area[number]) > 0.0:
+                # Bodies of a range keep their ranks.
+                staying = launcher.array(number[np.argsort(area[number], kind="stable")], wp.int32)
+        self._seat(staying, old_rows)
+        if len(placed):
+            # Where few are left of many they are as even as points are, not as those that they were among.
+            row = launcher.empty(len(placed), wp.int32)
+            body = launcher.array(placed, wp.int32)
+            launcher.launch(kernels_edit.find_rows, len(placed), [body, self._row_of], [row])
+            self._changes += [self._places(placed), points[1] / model.unit]
+            self._put_down(row, points[1] / model.unit)
+        self._put_down(new_rows, points[2] / model.unit)
+        self._new.append(new_rows)
+        self._changes.append(points[2] / model.unit)
+
+    def result(self, first_identity: int) -> CarriedInPlane:
+        """What has come of it; new bodies that are not fixed have ``first_identity`` and the following ones."""
+        launcher, old, model = self._launcher, self._old, self._model
+        move_poses_into_support(launcher, model, self._pose)
+        marked = launcher.empty(old.body_count, wp.int32)
+        launcher.launch(kernels_edit.mark_gone, old.body_count, [self._row_of], [marked])
+        gone = numbers_of_marked(launcher, marked).numpy()
+        source = self._source.numpy()
+        # Of new ones it is anything for now.
+        identity = old.body.identity.take(source, mode="clip")
+        new = np.sort(np.concatenate(self._new))
+        if model.has_fixed:
+            identity[model.fixed] = model.body.identity[model.fixed]
+        fresh = new[~model.fixed[new]]
+        identity[fresh] = first_identity + np.arange(len(fresh))
+        changes = np.concatenate([*self._changes, self._places(gone)])
+        return CarriedInPlane(source, identity, self._pose, new, gone, changes)
+
+    def _places(self, body: np.ndarray) -> np.ndarray:
+        """Where some old bodies were, in the new model's unit, shape ``[len(body), 2]``."""
+        launcher = self._launcher
+        point = launcher.empty(len(body), wp.vec2)
+        number = launcher.array(body.astype(np.int32, copy=False), wp.int32)
+        launcher.launch(kernels_edit.read_places, len(body), [number, self._pose_before], [point])
+        return point.numpy().reshape(-1, 2) * (self._old.unit / self._model.unit)
+
+    def _seat(self, body: wp.array | np.ndarray, rows: np.ndarray) -> None:
+        """Let old bodies have these rows, and be where they were."""
+        launcher = self._launcher
+        if isinstance(body, np.ndarray):
+            body = launcher.array(body, wp.int32)
+        row = launcher.array(rows.astype(np.int32, copy=False), wp.int32)
+        ratio, size = self._old.unit / self._model.unit, wp.vec2(*self._model.size)
+        launcher.launch(
+            kernels_edit.take_seats,
+            len(rows),
+            [body, row, self._pose_before, ratio, size],
+            [self._pose, self._source, self._row_of],
+        )
+
+    def _put_down(self, rows: wp.array | np.ndarray, points: np.ndarray) -> None:
+        """Put the bodies of rows to points in the new model's unit."""
+        launcher = self._launcher
+        if isinstance(rows, np.ndarray):
+            rows = launcher.array(rows.astype(np.int32, copy=False), wp.int32)
+        inside = np.clip(points, 0.0, self._model.size).astype(np.float32)
+        launcher.launch(kernels_edit.put_down, len(rows), [rows, launcher.array(inside, wp.vec2)], [self._pose])
+
+
+def _ranges(model: Model) -> list[tuple[tuple[str, str], int, int, int]]:
+    """Of every size its names, its class, its first body and the one behind its last: bodies are in class, then size order."""
+    result = []
+    end = 0
+    for c, body_class in enumerate(model.problem.classes):
+        for size in body_class.sizes:
+            begin, end = end, end + (size.count or 0)
+            result.append(((body_class.name, size.name), c, begin, end))
     return result
-
-
-def carry_lines(old: Model, state: State, model: Model, new_state: State, carried: CarriedOver) -> None:
-    """Bring what lines have beside their poses over to the state of another model: bends, and the factors of their lengths."""
-    carry_bends(old, state.bend, model, new_state.bend, carried.source)
-    if old.kinds and len(old.kinds) == len(model.kinds):
-        new_state.length_factor.assign(_length_factors(old, state.length_factor.numpy(), model))
-
-
-def carry_bends(old: Model, bent: wp.array, model: Model, bent_now: wp.array, source: np.ndarray) -> None:
-    """Bring the bends of lines over to those of another model; ``source`` is every body's number before, -1 for new ones."""
-    if not old.kinds or not model.kinds:
-        return
-    count, count_before = np.diff(model.charge.first), np.diff(old.charge.first)
-    same = np.flatnonzero((source >= 0) & (count == count_before[source]) & ~model.fixed)
-    bend, bend_before = bent_now.numpy(), bent.numpy()
-    for charges in np.unique(count[same]).tolist():
-        rows = same[count[same] == charges]
-        number = np.arange(charges)
-        before = old.charge.first[source[rows]][:, None] + number
-        bend[model.charge.first[rows][:, None] + number] = bend_before[before] * (old.unit / model.unit)
-    bent_now.assign(bend)
-
-
-def _length_factors(old: Model, factor: np.ndarray, model: Model) -> np.ndarray:
-    """Factors on lengths for the blocks of another model with as many kinds: every block has that of the one at its place."""
-    kinds = len(model.kinds)
-    before, start = length_blocks(old), kinds
-    result = [factor[:kinds]]
-    for kind, (rows, columns) in enumerate(length_blocks(model)):
-        height, width = before[kind]
-        stored = factor[start : start + height * width].reshape(height, width)
-        start += height * width
-        if not height:
-            stored = factor[kind : kind + 1, None]
-            height = width = 1
-        at = np.ix_(np.arange(rows) * height // max(rows, 1), np.arange(columns) * width // max(columns, 1))
-        result.append(stored[at].reshape(-1))
-    return np.concatenate(result)
 
 
 def _seats(rows: np.ndarray, staying: int, area: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -378,48 +213,3 @@ def _seats(rows: np.ndarray, staying: int, area: np.ndarray) -> tuple[np.ndarray
     chosen = np.zeros(len(rows), bool)
     chosen[np.floor((np.arange(new) + 0.5) * len(rows) / max(new, 1)).astype(int)] = True
     return by_area[~chosen], by_area[chosen]
-
-
-def _order(count: int) -> int:
-    """How finely densities are compared: in 2^order cells along either side."""
-    return min(max(math.ceil(0.5 * math.log2(CELLS_PER_BODY * count + 1.0)), SMALLEST_ORDER), LARGEST_ORDER)
-
-
-def _asked(model: Model, class_index: int, order: int) -> np.ndarray:
-    """Share of a class's bodies that are to be placed in every cell, shape ``[rows, columns]``, row 0 at the bottom, sum 1."""
-    of_model = _asked_of.setdefault(model, {})
-    key = class_index, order
-    if key not in of_model:
-        cells = 1 << order
-        share = box_integrals(model.problem.classes[class_index].density_image, (cells, cells))
-        left = vacancy(model, class_index, cells)
-        if left is not None and (share * left).any():
-            share = share * left
-            share /= share.sum()
-        of_model[key] = share
-    return of_model[key]
-
-
-# Of a model that is edited to, the next edit asks again.
-_asked_of: WeakKeyDictionary[Model, dict[tuple[int, int], np.ndarray]] = WeakKeyDictionary()
-
-
-def _cells_of(position: np.ndarray, cells: int, problem: Problem) -> tuple[np.ndarray, np.ndarray]:
-    column, row = (
-        np.clip((position[:, a] * (cells / problem.rectangle.size[a])).astype(np.int32), 0, cells - 1) for a in (0, 1)
-    )
-    return column, row
-
-
-def in_support(model: Model, position: np.ndarray) -> np.ndarray:
-    """Bodies that are not fixed, brought to where they may be."""
-    for axis, length in enumerate(model.problem.rectangle.size):
-        np.clip(position[:, axis], 0.0, length, out=position[:, axis])
-    for k, support in enumerate(model.supports):
-        if (support > 0.0).all():
-            continue
-        own = np.flatnonzero((model.body.support == k) & ~model.fixed)
-        outside = own[sample_density(support, position[own], model.problem.rectangle.size) <= 0.0]
-        if len(outside):
-            position[outside] = move_into_support(support, position[outside], model.problem.rectangle.size)
-    return position

@@ -152,7 +152,7 @@ class Model:
             # Whom the problem fixed before, it may have let go.
             kept = np.where(old.fixed, old.body.flags & ~int(BodyFlags.PINNED), old.body.flags)
             flags[came] |= kept[carried.source[came]]
-        self.body = replace(self.body, identity=carried.identity.astype(np.int32), flags=flags)
+        self.body = replace(self.body, identity=carried.identity.astype(np.int32, copy=False), flags=flags)
         self.take_outlines(_carried_outlines(old.footprints, self.footprints, carried.source))
 
     def take_outlines(self, footprints: BodyFootprints) -> None:

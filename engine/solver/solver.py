@@ -9,6 +9,7 @@ from types import TracebackType
 from typing import NamedTuple, NoReturn
 
 import numpy as np
+import warp as wp
 
 from ..device.devices import resolve_device
 from ..device.launcher import Launcher
@@ -22,10 +23,11 @@ from ..problem.surface import Surface
 from ..problem.validation import FOREIGN_ERRORS, check_count, check_is, check_progress, show
 from ..space.density import move_into_support
 from .body_flags import BodyFlags
-from .carried_over import CarriedOver
+from .carried_lines import carry_lines
+from .carried_over import CarriedInPlane
 from .choice_of_start import choose_start, number_of_starts
 from .descent import Descent
-from .edit import carry_lines, carry_over, in_support
+from .edit import carry_over
 from .final_placement import (
     angle_within,
     looks_at_point,
@@ -35,6 +37,7 @@ from .ink import with_widths
 from .memory import check_memory
 from .model import Model
 from .natural_border import SMOOTH_OVER_SPACING, SMOOTH_STEPS, STEPS_WITHIN, Kept, NaturalBorder
+from .places_in_support import in_support
 from .rare_start import rare_starts
 from .settling import settle_near
 from .spread import spread
@@ -269,8 +272,7 @@ class Solver:
         pose[is_line, 3] *= old.unit / model.unit
         # Where bodies were placed beyond a border there are obstacles in the density only, for which a line's charges count.
         descent = Descent(model, self.launcher, pose=pose, smooth=smooth, begins_short=smooth is not None)
-        carried = CarriedOver(position, source, model.body.identity, np.zeros((0, 2)), np.zeros((0, 2)))
-        carry_lines(old, state, model, descent.state, carried)
+        carry_lines(old, state, model, descent.state, source)
         if old is model:
             descent.state.turn.assign(state.turn)
         elif model.footprints.free.any():
@@ -303,7 +305,7 @@ class Solver:
         """
         check_is(problem, Problem, "`problem`")
         self._cut()
-        before, domain = self.model, self.model.problem.domain
+        domain = self.model.problem.domain
         if isinstance(domain, Surface) and problem.domain is not domain:
             raise ProblemError("`domain` must stay the same Surface in an edit; got another one")
         if problem.domain != domain:
@@ -311,19 +313,17 @@ class Solver:
         check_memory(problem)
         with self.launcher.phase("set-up"):
             if isinstance(self.descent, SurfaceDescent):
-                model, source = self._edit_on_surface(problem, self.descent)
+                added, removed = self._edit_on_surface(problem, self.descent)
             else:
-                model, source = self._edit_in_rectangle(problem, self.descent, settles=steps > 0)
-        self._next_identity = max(self._next_identity, int(model.body.identity.max()) + 1)
+                added, removed = self._edit_in_rectangle(problem, self.descent, settles=steps > 0)
+        self._next_identity = max(self._next_identity, int(self.model.body.identity.max()) + 1)
         if steps:
             self.step(steps)
         self.separate(again=True)
-        is_new, gone = source < 0, np.ones(before.body_count, bool)
-        gone[source[~is_new]] = False
-        return Edit(np.sort(model.body.identity[is_new]), np.sort(before.body.identity[gone]), steps)
+        return Edit(np.sort(added), np.sort(removed), steps)
 
-    def _edit_on_surface(self, problem: Problem, descent: SurfaceDescent) -> tuple[Model, np.ndarray]:
-        """The model after an edit, which the descent is of now; and which body of the one before each was, -1 for new ones."""
+    def _edit_on_surface(self, problem: Problem, descent: SurfaceDescent) -> tuple[np.ndarray, np.ndarray]:
+        """Make a model and a descent of what is to be placed now; return the identities of bodies that are new, and gone."""
         before, old = self.model, descent.state
         model = Model(problem)
         points = points_of(self.launcher, descent.facets, old)
@@ -341,27 +341,33 @@ class Solver:
 
         self.launcher.release(descent.step)
         self.model, self.descent = model, SurfaceDescent(model, self.launcher, start)
-        return model, source
+        is_new, gone = source < 0, np.ones(before.body_count, bool)
+        gone[source[~is_new]] = False
+        return model.body.identity[is_new], before.body.identity[gone]
 
-    def _edit_in_rectangle(self, problem: Problem, before_edit: Descent, *, settles: bool) -> tuple[Model, np.ndarray]:
+    def _edit_in_rectangle(
+        self, problem: Problem, before_edit: Descent, *, settles: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
         """The same in the plane; bodies near those that came and went settle where they are to."""
         before = self.model
         ratio = problem.charge_count / before.charge_count
         model = Model(problem, unit=before.unit if 1.0 / MOST_GROWTH < ratio < MOST_GROWTH else None)
         old = before_edit.state
-        carried = carry_over(before, before_edit.positions(), model, self._next_identity, self._spread)
+        carried = carry_over(self.launcher, before, old.pose, model, self._next_identity, self._spread)
         model.carry(before, carried)
-        start = _carried_poses(before, old, model, carried)
-        descent = Descent(model, self.launcher, pose=start, new=start[carried.new, :2])
-        carry_lines(before, old, model, descent.state, carried)
+        start, natural = _carried_poses(before, old, model, carried), problem.rectangle.natural
+        descent = Descent(
+            model, self.launcher, pose=start, new=carried.pose.numpy()[carried.new, :2] if natural else None
+        )
+        carry_lines(before, old, model, descent.state, carried.source)
         _carry_turns(before, old, model, descent.state, carried)
         self.launcher.release(self.descent.step)
         self.model, self.descent = model, descent
         descent.place_charges()
         if settles:
             steps = min(max(BODIES_TO_SETTLE // model.body_count, FEWEST_SETTLING), MOST_SETTLING)
-            settle_near(descent, carried.changes / model.unit, steps)
-        return model, carried.source
+            settle_near(descent, carried.changes, steps)
+        return model.body.identity[carried.new], before.body.identity[carried.gone]
 
     @property
     def state(self) -> State | SurfaceState:
@@ -675,18 +681,17 @@ class Solver:
         return self.descent.positions()
 
 
-def _carried_poses(old: Model, before: State, model: Model, carried: CarriedOver) -> np.ndarray:
+def _carried_poses(old: Model, before: State, model: Model, carried: CarriedInPlane) -> wp.array | np.ndarray:
     """Where bodies begin after an edit, and how lines lie that were there, shape ``[body_count, 4]``; NaN for how others do."""
-    pose = np.zeros((model.body_count, 4), np.float64 if model.kinds else np.float32)
-    for axis in (0, 1):
-        pose[:, axis] = carried.position[:, axis] / model.unit
-    if model.kinds:
-        pose[:, 2:] = np.nan
-        came = np.flatnonzero((carried.source >= 0) & (model.body.kind >= 0))
-        # What was another kind of body has neither angle nor length.
-        came = came[_charges_per_body(model)[came] == _charges_per_body(old)[carried.source[came]]]
-        pose[came, 2:] = before.pose.numpy()[carried.source[came], 2:]
-        pose[came, 3] *= old.unit / model.unit
+    if not model.kinds:
+        return carried.pose
+    pose = carried.pose.numpy().astype(np.float64)
+    pose[:, 2:] = np.nan
+    came = np.flatnonzero((carried.source >= 0) & (model.body.kind >= 0))
+    # What was another kind of body has neither angle nor length.
+    came = came[_charges_per_body(model)[came] == _charges_per_body(old)[carried.source[came]]]
+    pose[came, 2:] = before.pose.numpy()[carried.source[came], 2:]
+    pose[came, 3] *= old.unit / model.unit
     return pose
 
 
@@ -694,7 +699,7 @@ def _charges_per_body(model: Model) -> np.ndarray:
     return np.diff(model.charge.first)
 
 
-def _carry_turns(old: Model, before: State, model: Model, state: State, carried: CarriedOver) -> None:
+def _carry_turns(old: Model, before: State, model: Model, state: State, carried: CarriedInPlane) -> None:
     """Let bodies that were there before lie as they lay."""
     if not model.footprints.has_outlines:
         return

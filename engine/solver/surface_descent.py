@@ -26,10 +26,10 @@ from ..surface import kernels_facets
 from ..surface.facets import Facets
 from ..surface.parts import joined_parts
 from . import kernels_on_surface, kernels_surface_bends, kernels_surface_lines
+from .carried_lines import carry_bends
 from .contact import keeps_apart
 from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels
 from .direction import Direction
-from .edit import carry_bends
 from .initial_placement import body_starts
 from .line_rules import first_length_factors
 from .model import Model

@@ -12,7 +12,7 @@ from ..problem.surface import PointsOnSurface
 from ..surface.facets import Facets
 from .body_flags import BodyFlags
 from .carried_over import CarriedOver
-from .edit import UNCHANGED
+from .kernels_edit import UNCHANGED
 from .model import Model
 from .surface_places import Spots, TilePlaces, spots_of_points, tiles_of
 
@@ -48,11 +48,7 @@ def carry_over_on_surface(
         for s, size in enumerate(body_class.sizes):
             edit.settle(c, s, size.name, share_before, share_now)
     edit.leave_the_empty()
-    # Who moved, nobody asks.
-    anywhere, nowhere = np.zeros((model.body_count, 3)), np.zeros((0, 3))
-    identity = edit.identities(first_identity)
-    carried = CarriedOver(anywhere, edit.source, identity, edit.removed(), nowhere)
-    return carried, (edit.facet, edit.weight)
+    return CarriedOver(edit.source, edit.identities(first_identity)), (edit.facet, edit.weight)
 
 
 class _SurfaceEdit:
@@ -90,7 +86,6 @@ class _SurfaceEdit:
         # Who is no longer there to be chosen: it acts on others only, was chosen, or is fixed now.
         self._used = (old.body.flags & BodyFlags.GHOST) != 0
         self._used[self.source[self.source >= 0]] = True
-        self._taken = self._used.copy()
         self._places = TilePlaces(facets, rng)
         self._middles = facets.surface.points(*facets.in_triangle(*facets.tiles(np.arange(facets.count))))
         self._tile_of_old = tiles_of(facets, self._old_facet, self._old_weight)
@@ -159,12 +154,6 @@ class _SurfaceEdit:
         new = (self.source < 0) & ~self._model.fixed
         identity[new] = first + np.arange(int(new.sum()))
         return identity
-
-    def removed(self) -> np.ndarray:
-        """Positions of bodies that were taken out [m], shape ``[m, 3]``."""
-        gone = ~self._taken
-        gone[self.source[self.source >= 0]] = False
-        return self._points.position[gone]
 
 
 def _staying(

@@ -1,6 +1,7 @@
 """After an edit most bodies are where they were; what changed is followed, by bodies that keep their identities."""
 
 import gc
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -19,9 +20,10 @@ from esh import (
     Size,
     Solver,
 )
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.quality.measurement import measure
-from esh.engine.solver.carried_over import CarriedOver
 from esh.engine.solver.edit import carry_over
 from esh.engine.solver.line_rules import length_blocks
 from esh.engine.solver.model import Model
@@ -346,11 +348,14 @@ def test_a_body_goes_where_no_points_are_spread():
         asked.append(counts)
         return [np.tile([[48.0, 32.0]], (count, 1)) for count in counts]
 
-    carried = carry_over(old, position, Model(problem_of(half, 100)), 100, spread)
-    assert isinstance(carried, CarriedOver)
+    pose = np.zeros((100, 4), np.float32)
+    pose[:, :2] = position / old.unit
+    model = Model(problem_of(half, 100))
+    with closing(Launcher(resolve_device("cpu"))) as launcher:
+        carried = carry_over(launcher, old, launcher.array(pose, wp.vec4), model, 100, spread)
     left = position[:, 0] < 32.0
-    assert carried.new.sum() == 50
-    assert (carried.position[:, 0] >= 32.0).all()
+    assert len(carried.new) == len(carried.gone) == 50
+    assert (carried.pose.numpy()[:, 0] * model.unit >= 32.0).all()
     # Fifty are to come, so that five of those that could stay make room for them.
     assert asked == [[5, 0, 50]]
     kept = carried.source[carried.source >= 0]

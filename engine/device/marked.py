@@ -1,0 +1,26 @@
+"""Lists of those of many elements that a kernel has marked."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from . import kernels_marked
+from .launcher import Launcher
+from .running_sum import running_sum
+
+__all__ = ["numbers_of_marked"]
+
+
+def numbers_of_marked(launcher: Launcher, marked: wp.array, begin: int = 0) -> wp.array:
+    """Return the numbers of marked elements, from the smallest on, ``wp.int32``.
+
+    Args:
+        launcher: Where to run.
+        marked: 1 for those, 0 for others, ``wp.int32``, shape ``[n]``.
+        begin: Number of the first element.
+    """
+    place, count = running_sum(launcher, marked)
+    number = launcher.empty(count, wp.int32)
+    if count:
+        launcher.launch(kernels_marked.list_marked, len(marked), [marked, place, begin], [number])
+    return number

@@ -1,0 +1,53 @@
+"""Which share of the bodies of a class is to be in which cell of the domain, on the device."""
+
+from __future__ import annotations
+
+import math
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import Launcher
+from ..space.target_deposit import integrate_boxes
+from .attraction import vacancy
+from .model import Model
+
+__all__ = ["are_asked_alike", "asked_share", "cells_for"]
+
+# Cells per body in which densities are compared; powers of two along either side.
+CELLS_PER_BODY = 2
+SMALLEST_ORDER, LARGEST_ORDER = 3, 10
+
+
+def cells_for(count: int) -> int:
+    """How finely the densities of so many bodies are compared: in so many cells along either side."""
+    order = math.ceil(0.5 * math.log2(CELLS_PER_BODY * count + 1.0))
+    return 1 << min(max(order, SMALLEST_ORDER), LARGEST_ORDER)
+
+
+def asked_share(launcher: Launcher, model: Model, class_index: int, cells: int) -> wp.array:
+    """Share of a class's bodies that are to be placed in every cell, flat, row 0 at the bottom; the sum is 1."""
+    of_model = _asked_of.setdefault(model, {})
+    key = class_index, cells, launcher.device.alias
+    if key not in of_model:
+        share = integrate_boxes(launcher, model.problem.classes[class_index].density_image, (cells, cells))
+        left = vacancy(model, class_index, cells)
+        if left is not None:
+            vacant = share.numpy().astype(np.float64) * left.ravel()
+            if vacant.any():
+                share = launcher.array((vacant / vacant.sum()).astype(np.float32), float)
+        of_model[key] = share
+    return of_model[key]
+
+
+# Of a model that is edited to, the next edit asks again.
+_asked_of: WeakKeyDictionary[Model, dict[tuple[int, int, str], wp.array]] = WeakKeyDictionary()
+
+
+def are_asked_alike(one: Model, class_index: int, other: Model, other_index: int) -> bool:
+    """Whether two classes of two models are to be placed alike, but for their numbers, and nobody is fixed in either."""
+    if one.has_fixed or other.has_fixed:
+        return False
+    images = one.problem.classes[class_index].density_image, other.problem.classes[other_index].density_image
+    return images[0] is images[1] or np.array_equal(*images)

@@ -1,0 +1,71 @@
+"""A different body for each of some points: the nearest that is left, whoever comes first."""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import Launcher
+from ..space.cell_sort import CellSort
+from . import kernels_nearest
+
+__all__ = ["nearest_free"]
+
+# A point that has not asked yet.
+NOT_ASKED = -2
+# Turns of a GPU between two looks at whether any point still asks.
+TURNS_AT_ONCE = 8
+
+
+def nearest_free(
+    launcher: Launcher, points: np.ndarray, body: wp.array, pose: wp.array, size: tuple[float, float], cells: int
+) -> np.ndarray:
+    """Return a place in ``body`` for every point, each another one: the nearest that is left of those in the cells around it.
+
+    Args:
+        launcher: Where to run.
+        points: In the unit of the poses, shape ``[m, 2]``.
+        body: Bodies to choose from, ``wp.int32``.
+        pose: Poses of all bodies, ``wp.vec4``.
+        size: Extent of the domain.
+        cells: How many there are along either side of it.
+
+    Returns:
+        Shape ``[m]``, or as many as there are bodies where those are fewer: then all of them.
+    """
+    if len(points) >= len(body) or not len(points):
+        return np.arange(len(body) if len(points) else 0, dtype=np.int32)
+    sort = CellSort(launcher, len(body), cells * cells, spread=True)
+    sort.sort(kernels_nearest.find_cells, [body, pose, cells, wp.vec2(*size)])
+    candidates = kernels_nearest.Candidates()
+    candidates.body, candidates.pose, candidates.cells, candidates.size = body, pose, cells, wp.vec2(*size)
+    candidates.order, candidates.cell_start = sort.order, sort.cell_start
+    chosen = _first_come(launcher, launcher.array(points.astype(np.float32), wp.vec2), candidates)
+    missed = np.flatnonzero(chosen < 0)
+    if len(missed):
+        # Points far from all bodies.
+        free = np.ones(len(body), bool)
+        free[chosen[chosen >= 0]] = False
+        left = np.flatnonzero(free)
+        chosen[missed] = left[np.linspace(0, len(left) - 1, len(missed)).astype(np.int64)]
+    return chosen
+
+
+def _first_come(launcher: Launcher, point: wp.array, candidates: kernels_nearest.Candidates) -> np.ndarray:
+    """Which candidate every point gets, -1 for none; shape ``[m]``."""
+    count = len(point)
+    chosen, holder = launcher.empty(count, wp.int32), launcher.empty(len(candidates.body), wp.int32)
+    last_turn = launcher.zeros(1, wp.int32)
+    chosen.fill_(NOT_ASKED)
+    holder.fill_(count)
+    # On a GPU all ask at once, and who is turned away asks for the next: whoever comes first gets it in the end, in whatever order
+    # they ask. On the CPU one thread lets them ask one after the other, and none is turned away.
+    at_once = TURNS_AT_ONCE if launcher.device.is_cuda else 1
+    turn = 0
+    while True:
+        for _ in range(at_once):
+            turn += 1
+            arguments = [point, candidates, turn]
+            launcher.launch(kernels_nearest.ask_nearest, count, arguments, [chosen, holder, last_turn], grain=count)
+        if not launcher.device.is_cuda or int(last_turn.numpy()[0]) < turn:
+            return chosen.numpy().copy()
