@@ -15,14 +15,16 @@ from .model import Model
 
 __all__ = ["are_asked_alike", "asked_share", "cells_for"]
 
-# Cells per body in which densities are compared; powers of two along either side.
+# Cells per body in which densities are compared; powers of two along either side. Pixels are not divided: they are of one density.
 CELLS_PER_BODY = 2
 SMALLEST_ORDER, LARGEST_ORDER = 3, 10
 
 
-def cells_for(count: int) -> int:
-    """How finely the densities of so many bodies are compared: in so many cells along either side."""
+def cells_for(count: int, *images: np.ndarray) -> int:
+    """How finely the densities of so many bodies, which are these images, are compared: in so many cells along either side."""
     order = math.ceil(0.5 * math.log2(CELLS_PER_BODY * count + 1.0))
+    if images:
+        order = min(order, math.ceil(math.log2(max(max(image.shape) for image in images))))
     return 1 << min(max(order, SMALLEST_ORDER), LARGEST_ORDER)
 
 

@@ -16,7 +16,7 @@ __all__ = ["in_support", "move_poses_into_support"]
 
 
 def in_support(model: Model, position: np.ndarray) -> np.ndarray:
-    """Positions [m] of bodies, of which those that are not fixed are where they may be, shape ``[body_count, 2]``; changed in place."""
+    """Bring bodies that are not fixed to where they may be; positions [m], shape ``[body_count, 2]``, are changed in place."""
     for axis, length in enumerate(model.problem.rectangle.size):
         np.clip(position[:, axis], 0.0, length, out=position[:, axis])
     for k, support in enumerate(model.supports):

@@ -128,7 +128,7 @@ def compare_size(
         pose: Poses of the old bodies.
         fate: What becomes of them; written for those of this size.
     """
-    cells = cells_for(model.problem.classes[class_index].body_count)
+    cells = _cells(model, class_index, old, old_index)
     asked = kernels_edit.Asked()
     asked.cells, asked.share, asked.wanted = cells, asked_share(launcher, model, class_index, cells), float(len(rows))
     in_pool = pool.stop - pool.start
@@ -149,6 +149,16 @@ def compare_size(
     )
     totals = (sums.numpy().sum(axis=(0, 2)) / kernels_edit.SUM_SCALE).tolist()
     return SizeEdit(rows, pool, pool_count, asked, totals, *_numbers_of(totals, len(rows), pool_count))
+
+
+def _cells(model: Model, class_index: int, old: Model, old_index: int) -> int:
+    """In how many cells along either side the densities of a class are compared."""
+    body_class = model.problem.classes[class_index]
+    if model.has_fixed or old.has_fixed:
+        # What fixed bodies leave of a density, or have left, is finer than its pixels.
+        return cells_for(body_class.body_count)
+    before = [old.problem.classes[old_index].density_image] if old_index >= 0 else []
+    return cells_for(body_class.body_count, body_class.density_image, *before)
 
 
 def list_bodies(launcher: Launcher, fate: wp.array, pool: slice, least: Fate, most: Fate) -> wp.array:
