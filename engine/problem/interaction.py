@@ -20,6 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
+from .of_bodies import of_all
 from .prepared_class import PreparedClass
 from .problem import Problem
 from .size import ALIKE, Size
@@ -115,6 +116,8 @@ def group_bodies(
             body_group[bodies] = len(emphasis) + level
             emphasis.extend(level_emphasis.tolist())
             class_index.extend([c] * len(level_emphasis))
+    if len(emphasis) == 1:
+        body_group = of_all(np.int32(0), len(area))
     e = np.array(emphasis)
     # Only ratios count: the least emphasis of every class is 1, as in the paper's tables.
     index = np.array(class_index)

@@ -243,10 +243,10 @@ class Problem(ProblemSettings):
         return sum((size.count or 0) * size.kind.charges for size in sizes)
 
     def body_indices(self) -> tuple[np.ndarray, np.ndarray]:
-        """Class and size index of every body, shapes ``[body_count]``, int32, in class, then size order."""
-        groups = [(c, s, size.count) for c, k in enumerate(self.classes) for s, size in enumerate(k.sizes)]
-        class_index, size_index, count = np.array(groups, dtype=np.int64).T
-        return np.repeat(class_index.astype(np.int32), count), np.repeat(size_index.astype(np.int32), count)
+        """Class and size index of every body, shapes ``[body_count]``, int32, in class, then size order; for reading only."""
+        sizes = [(c, s, size.count or 0) for c, k in enumerate(self.classes) for s, size in enumerate(k.sizes)]
+        class_index, size_index, count = zip(*sizes, strict=True)
+        return of_bodies(class_index, count, np.int32), of_bodies(size_index, count, np.int32)
 
     def body_areas(self) -> np.ndarray:
         """Footprint of every body [m²], shape ``[body_count]``, float64, in the same order."""

@@ -16,7 +16,7 @@ from ..problem.body_charges import BodyCharges, charges_of
 from ..problem.body_footprints import BodyFootprints, footprints_of
 from ..problem.interaction import Groups, group_bodies
 from ..problem.line import Line
-from ..problem.of_bodies import of_bodies
+from ..problem.of_bodies import of_all, of_bodies
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.surface import Surface
@@ -118,9 +118,9 @@ class Model:
         n = len(class_index)
         area = problem.shared_areas()
         self.fixed = problem.body_is_fixed()
-        flags = np.zeros(n, np.int32) if flags is None else np.asarray(flags).astype(np.int32)
+        flags = of_all(np.int32(0), n) if flags is None else np.asarray(flags).astype(np.int32)
         if self.has_fixed:
-            flags[self.fixed] |= BodyFlags.PINNED
+            flags = np.where(self.fixed, flags | np.int32(BodyFlags.PINNED), flags)
         self.footprints: BodyFootprints = footprints_of(problem)
         supports = supports_of(problem, class_index, size_index, area, self.footprints)
         self.supports = supports.images
