@@ -31,10 +31,10 @@ class CarriedInPlane(CarriedOver):
         pose: Positions in the new model's unit, with neither angles nor lengths, on the device, ``wp.vec4``, shape ``[n]``.
         new: Rows of bodies that are new, from the smallest on.
         gone: Indices of bodies in the old model that are no more, from the smallest on.
-        changes: Where bodies came, went or were moved, in the new model's unit, shape ``[c, 2]``.
+        changes: Where bodies came, went or were moved, in the new model's unit, on the device, each ``wp.vec2``.
     """
 
     pose: wp.array
     new: np.ndarray
     gone: np.ndarray
-    changes: np.ndarray
+    changes: list[wp.array]

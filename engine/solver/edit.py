@@ -73,7 +73,7 @@ class _Edit:
         self._row_of.fill_(-1)
         self._fate = launcher.zeros(old.body_count, wp.int32)
         self._new: list[np.ndarray] = []
-        self._changes: list[np.ndarray] = []
+        self._changes: list[wp.array] = []
         # Who acts on others only is not there to be chosen.
         self._used = (old.body.flags & BodyFlags.GHOST) != 0 if old.body.flags.any() else np.zeros(0, bool)
         if model.has_fixed:
@@ -84,7 +84,7 @@ class _Edit:
 
     def _place_fixed(self) -> None:
         """What is fixed now has its place from the problem; it may have been one of the old bodies, as its identity says."""
-        old, model = self._old, self._model
+        launcher, old, model = self._launcher, self._old, self._model
         fixed = np.flatnonzero(model.fixed)
         by_identity = np.argsort(old.body.identity, kind="stable")
         sorted_before = old.body.identity[by_identity]
@@ -94,12 +94,13 @@ class _Edit:
         if not len(self._used):
             self._used = np.zeros(old.body_count, bool)
         self._used[source] = True
-        before = self._places(source)
+        before = self._places(launcher.array(source.astype(np.int32), wp.int32)).numpy().reshape(-1, 2)
         self._seat(source.astype(np.int32), fixed[known])
         self._put_down(fixed, place)
         self._new.append(fixed[~known])
         moved = (np.abs(before - place[known]) > 1e-6 * max(model.size)).any(axis=1)
-        self._changes += [place[~known], place[known][moved], before[moved]]
+        changed = np.concatenate([place[~known], place[known][moved], before[moved]])
+        self._changes.append(launcher.array(changed.astype(np.float32), wp.vec2))
 
     def compare(self) -> list[SizeEdit]:
         """Look at every size of the new model: how many of its bodies are to go, and how many come."""
@@ -136,11 +137,9 @@ class _Edit:
             row = launcher.empty(len(placed), wp.int32)
             body = launcher.array(placed, wp.int32)
             launcher.launch(kernels_edit.find_rows, len(placed), [body, self._row_of], [row])
-            self._changes += [self._places(placed), points[1] / model.unit]
-            self._put_down(row, points[1] / model.unit)
-        self._put_down(new_rows, points[2] / model.unit)
+            self._changes += [self._places(body), self._put_down(row, points[1] / model.unit)]
+        self._changes.append(self._put_down(new_rows, points[2] / model.unit))
         self._new.append(new_rows)
-        self._changes.append(points[2] / model.unit)
 
     def result(self, first_identity: int) -> CarriedInPlane:
         """What has come of it; new bodies that are not fixed have ``first_identity`` and the following ones."""
@@ -148,7 +147,7 @@ class _Edit:
         move_poses_into_support(launcher, model, self._pose)
         marked = launcher.empty(old.body_count, wp.int32)
         launcher.launch(kernels_edit.mark_gone, old.body_count, [self._row_of], [marked])
-        gone = numbers_of_marked(launcher, marked).numpy()
+        gone = numbers_of_marked(launcher, marked)
         source = self._source.numpy()
         # Of new ones it is anything for now.
         identity = old.body.identity.take(source, mode="clip")
@@ -157,16 +156,15 @@ class _Edit:
             identity[model.fixed] = model.body.identity[model.fixed]
         fresh = new[~model.fixed[new]]
         identity[fresh] = first_identity + np.arange(len(fresh))
-        changes = np.concatenate([*self._changes, self._places(gone)])
-        return CarriedInPlane(source, identity, self._pose, new, gone, changes)
+        changes = [*self._changes, self._places(gone)]
+        return CarriedInPlane(source, identity, self._pose, new, gone.numpy(), changes)
 
-    def _places(self, body: np.ndarray) -> np.ndarray:
-        """Where some old bodies were, in the new model's unit, shape ``[len(body), 2]``."""
-        launcher = self._launcher
-        point = launcher.empty(len(body), wp.vec2)
-        number = launcher.array(body.astype(np.int32, copy=False), wp.int32)
-        launcher.launch(kernels_edit.read_places, len(body), [number, self._pose_before], [point])
-        return point.numpy().reshape(-1, 2) * (self._old.unit / self._model.unit)
+    def _places(self, body: wp.array) -> wp.array:
+        """Where some old bodies were, in the new model's unit, ``wp.vec2``."""
+        point = self._launcher.empty(len(body), wp.vec2)
+        scale = self._old.unit / self._model.unit
+        self._launcher.launch(kernels_edit.read_places, len(body), [body, self._pose_before, scale], [point])
+        return point
 
     def _seat(self, body: wp.array | np.ndarray, rows: np.ndarray) -> None:
         """Let old bodies have these rows, and be where they were."""
@@ -182,13 +180,14 @@ class _Edit:
             [self._pose, self._source, self._row_of],
         )
 
-    def _put_down(self, rows: wp.array | np.ndarray, points: np.ndarray) -> None:
-        """Put the bodies of rows to points in the new model's unit."""
+    def _put_down(self, rows: wp.array | np.ndarray, points: np.ndarray) -> wp.array:
+        """Put the bodies of rows to points in the new model's unit; return these, ``wp.vec2``."""
         launcher = self._launcher
         if isinstance(rows, np.ndarray):
             rows = launcher.array(rows.astype(np.int32, copy=False), wp.int32)
-        inside = np.clip(points, 0.0, self._model.size).astype(np.float32)
-        launcher.launch(kernels_edit.put_down, len(rows), [rows, launcher.array(inside, wp.vec2)], [self._pose])
+        point = launcher.array(np.clip(points, 0.0, self._model.size).astype(np.float32), wp.vec2)
+        launcher.launch(kernels_edit.put_down, len(rows), [rows, point], [self._pose])
+        return point
 
 
 def _ranges(model: Model) -> list[tuple[tuple[str, str], int, int, int]]:

@@ -270,12 +270,13 @@ def read_places(
     first: int,
     body: wp.array(dtype=wp.int32),
     pose: wp.array(dtype=wp.vec4),
+    scale: float,
     # outputs
     point: wp.array(dtype=wp.vec2),
 ):
-    """Where some bodies are."""
+    """Where some bodies are, times a scale."""
     k = first + wp.tid()
-    point[k] = place_of(pose[body[k]])
+    point[k] = scale * place_of(pose[body[k]])
 
 
 @wp.kernel

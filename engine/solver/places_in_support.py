@@ -43,7 +43,7 @@ def move_poses_into_support(launcher: Launcher, model: Model, pose: wp.array) ->
     if not len(outside):
         return
     point = launcher.empty(len(outside), wp.vec2)
-    launcher.launch(kernels_edit.read_places, len(outside), [outside, pose], [point])
+    launcher.launch(kernels_edit.read_places, len(outside), [outside, pose, 1.0], [point])
     position = point.numpy() * np.float64(model.unit)
     support = model.body.support[outside.numpy()]
     for k in np.unique(support).tolist():

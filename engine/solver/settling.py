@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
-import numpy as np
 import warp as wp
 
 from . import kernels_settling
@@ -21,48 +22,48 @@ MOST_NEAR = 0.5
 LEAST = 1e-4
 
 
-def settle_near(descent: Descent, places: np.ndarray, steps: int) -> None:
+def settle_near(descent: Descent, places: Sequence[wp.array], steps: int) -> None:
     """Take steps in which bodies far from some places hardly move.
 
     Args:
         descent: Of a rectangle.
-        places: Where bodies came, went or were moved, in the model's unit, shape ``[m, 2]``.
+        places: Where bodies came, went or were moved, in the model's unit, each ``wp.vec2``.
         steps: How many.
     """
-    near = _cells_near(descent, places)
-    if not near.any() or near.mean() > MOST_NEAR:
+    launcher, layout, size = descent.launcher, descent.field.layout, descent.model.size
+    cell = CELL_OVER_SPACING * math.sqrt(size[0] * size[1] / descent.model.body_count)
+    columns, rows = (max(1, math.ceil(length / cell)) for length in size)
+    cells = [rows, columns, wp.vec2(*size)]
+    near, share = _cells_near(descent, places, cells)
+    if not 0.0 < share <= MOST_NEAR:
         return
-    launcher, layout = descent.launcher, descent.field.layout
     whole = wp.clone(descent.step_length)
     launcher.launch(
         kernels_settling.hold_far_away,
         len(whole),
-        [
-            layout.for_kernels(),
-            launcher.array(near.ravel(), wp.uint8),
-            near.shape[0],
-            near.shape[1],
-            wp.vec2(*descent.model.size),
-            LEAST,
-        ],
+        [layout.for_kernels(), near, *cells, LEAST],
         [descent.step_length],
     )
     descent.step.play(steps)
     wp.copy(descent.step_length, whole)
 
 
-def _cells_near(descent: Descent, places: np.ndarray) -> np.ndarray:
-    """Which cells of the domain are near a place, shape ``[rows, columns]``, bool, row 0 at the bottom."""
-    model = descent.model
-    size = np.array(model.size)
-    cell = CELL_OVER_SPACING * math.sqrt(size[0] * size[1] / model.body_count)
-    columns, rows = np.maximum(1, np.ceil(size / cell)).astype(int).tolist()
-    column, row = (
-        np.clip((places[:, axis] * (count / size[axis])).astype(int), 0, count - 1)
-        for axis, count in enumerate((columns, rows))
+def _cells_near(descent: Descent, places: Sequence[wp.array], cells: list[Any]) -> tuple[wp.array, float]:
+    """Which cells of the domain are near a place, ``wp.uint8``, row 0 at the bottom, and their share.
+
+    ``cells`` are how many rows and columns there are, and the extent of the domain.
+    """
+    launcher, (rows, columns, _) = descent.launcher, cells
+    marked = launcher.zeros(rows * columns, wp.int32)
+    for place in places:
+        launcher.launch(kernels_settling.mark_places, len(place), [place, *cells], [marked])
+    near = launcher.empty(rows * columns, wp.uint8)
+    count = launcher.zeros(launcher.thread_count, wp.int32)
+    launcher.launch(
+        kernels_settling.mark_beside,
+        rows * columns,
+        [marked, rows, columns, descent.model.space.for_kernels()],
+        [near, count],
+        per_thread=True,
     )
-    marked = np.zeros((rows, columns), bool)
-    marked[row, column] = True
-    around = np.pad(marked, 1, mode="constant" if model.space.has_edges else "wrap")
-    wide = around[:, :-2] | around[:, 1:-1] | around[:, 2:]
-    return wide[:-2] | wide[1:-1] | wide[2:]
+    return near, int(count.numpy().sum()) / (rows * columns)

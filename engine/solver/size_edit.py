@@ -208,7 +208,7 @@ def _without_pinned(
         body = (pool.start + np.flatnonzero(group)).astype(np.int32)
         if len(body):
             point = launcher.empty(len(body), wp.vec2)
-            launcher.launch(kernels_edit.read_places, len(body), [launcher.array(body, wp.int32), pose], [point])
+            launcher.launch(kernels_edit.read_places, len(body), [launcher.array(body, wp.int32), pose, 1.0], [point])
             count = model.problem.classes[class_index].body_count
             blurred = _blurred(point.numpy() * np.float64(old.unit), model.problem, count, cells)
             there = np.maximum(there + sign * blurred, 0.0)

@@ -110,7 +110,8 @@ def test_only_who_came_and_who_is_near_settles_before_the_steps_of_all(settled):
         set_down = solver.placement()
         rough = error(set_down, density)
         new = set_down.position[~np.isin(set_down.id, before.id)]
-        settle_near(solver.descent, new / solver.model.unit, 16)
+        places = wp.array((new / solver.model.unit).astype(np.float32), dtype=wp.vec2, device="cpu")
+        settle_near(solver.descent, [places], 16)
         after = solver.placement()
     assert error(after, density) < 0.7 * rough
     way, at = moved(before, after)
