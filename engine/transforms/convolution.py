@@ -6,7 +6,7 @@ kernel's own transform, the influence function, is real and even.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
-from . import kernels_fft, kernels_fft_gpu
+from . import kernels_fft
 from .convolution_gpu import GpuTransforms
 
 __all__ = ["Convolution", "good_length"]
@@ -111,26 +111,25 @@ class Convolution:
             [result],
         )
 
+    def _sent(self, meshes: Iterable[wp.array]) -> Iterator[wp.array]:
+        """Meshes, each of which a GPU has when it is returned."""
+        for mesh in meshes:
+            self.launcher.send()
+            yield mesh
+
     def add_up(self, influences: Sequence[Sequence[wp.array]], meshes: Iterable[wp.array], result: wp.array) -> None:
         """Write sums over all meshes, each convolved by an influence function of its own for every sum.
 
-        On the CPU every mesh is transformed once, and every sum back.
+        Every mesh is transformed once, and every sum back.
 
         Args:
             influences: Of sum k and mesh j in ``influences[k][j]``; no more sums than meshes.
             meshes: Flat, each of ``shape``; asked for one after the other.
             result: Receives the sums, flat, one after the other.
         """
-        size = self.shape[0] * self.shape[1]
         sums, mesh_count = len(influences), len(influences[0])
         if self._gpu is not None:
-            part = self.launcher.empty(size, float)
-            result.zero_()
-            for j, mesh in enumerate(meshes):
-                self.launcher.send()
-                for k in range(sums):
-                    self._gpu.apply(influences[k][j], mesh, part)
-                    self.launcher.launch(kernels_fft_gpu.add_to, size, [part], [result[k * size : (k + 1) * size]])
+            self._gpu.add_up(influences, self._sent(meshes), result)
             return
         rows, columns = self.shape
         halves = self._half_rows(mesh_count * rows)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 import warp as wp
 
 from ..device.gpu_launches import BLOCK_DIM, launch_on_gpu
@@ -34,15 +36,39 @@ class GpuTransforms:
 
     def apply(self, influence: wp.array, meshes: wp.array, result: wp.array) -> None:
         """See :meth:`.convolution.Convolution.apply`."""
-        of_rows, of_columns = (kernels_fft_gpu.transforms_of(length) for length in reversed(self._padded))
+        self._transform_rows(meshes)
+        given = [self._shape[0], influence.reshape(self.influence_shape), self._columns]
+        convolve = kernels_fft_gpu.transforms_of(self._padded[0]).convolve
+        self._transform(convolve, self._columns.shape, given)
+        self._transform_rows_back(self._columns, result)
+
+    def add_up(self, influences: Sequence[Sequence[wp.array]], meshes: Iterable[wp.array], result: wp.array) -> None:
+        """See :meth:`.convolution.Convolution.add_up`; rows of every mesh are transformed once, and those of every sum back."""
+        add = kernels_fft_gpu.transforms_of(self._padded[0]).add_convolved
+        sums = [wp.zeros(self._columns.shape, dtype=wp.vec2, device=self._device) for _ in influences]
+        for j, mesh in enumerate(meshes):
+            self._transform_rows(mesh)
+            for of_sum, total in zip(influences, sums, strict=True):
+                influence = of_sum[j].reshape(self.influence_shape)
+                self._transform(add, self._columns.shape, [self._shape[0], influence, self._columns, total])
+        size = self._shape[0] * self._shape[1]
+        for k, total in enumerate(sums):
+            self._transform_rows_back(total, result[k * size : (k + 1) * size])
+
+    def _transform_rows(self, meshes: wp.array) -> None:
+        """Transform the rows of meshes, into transposed columns."""
         rows = self._count * self._shape[0], self._shape[1]
-        self._transform(of_rows.forward, self._pairs.shape, [meshes.reshape(rows), self._pairs])
+        forward = kernels_fft_gpu.transforms_of(self._padded[1]).forward
+        self._transform(forward, self._pairs.shape, [meshes.reshape(rows), self._pairs])
         columns = (self._columns.shape[0], self._shape[0])
         self._launch_tiles(kernels_fft_gpu.split_pairs, columns, [self._pairs, self._shape[0]], self._columns)
-        given = [self._shape[0], influence.reshape(self.influence_shape), self._columns]
-        self._transform(of_columns.convolve, self._columns.shape, given)
-        self._launch_tiles(kernels_fft_gpu.join_pairs, self._pairs.shape, [self._columns, self._shape[0]], self._pairs)
-        self._transform(of_rows.back, self._pairs.shape, [self._pairs, result.reshape(rows)])
+
+    def _transform_rows_back(self, columns: wp.array, result: wp.array) -> None:
+        """Transform what transposed columns hold back into the rows of meshes."""
+        rows = self._count * self._shape[0], self._shape[1]
+        back = kernels_fft_gpu.transforms_of(self._padded[1]).back
+        self._launch_tiles(kernels_fft_gpu.join_pairs, self._pairs.shape, [columns, self._shape[0]], self._pairs)
+        self._transform(back, self._pairs.shape, [self._pairs, result.reshape(rows)])
 
     def transform_even(self, quarter: wp.array, influence: wp.array) -> None:
         """See :meth:`.convolution.Convolution.influence_of`."""

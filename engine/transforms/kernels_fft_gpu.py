@@ -229,6 +229,14 @@ _STORE_COMPLEX = """
         complex.data[(size_t)row * N + COLUMN] = wp::vec2(real[h][j], imaginary[h][j]);
 """
 
+_ADD_COMPLEX = """
+    EACH_THREAD EACH_ELEMENT if (row < complex.shape[0] && COLUMN < used)
+    {
+        wp::vec2& sum = sums.data[(size_t)row * N + COLUMN];
+        sum = wp::vec2(sum[0] + real[h][j], sum[1] + imaginary[h][j]);
+    }
+"""
+
 # The columns of one mesh come after those of another.
 _MULTIPLY = """
     EACH_THREAD EACH_ELEMENT if (row < complex.shape[0])
@@ -284,11 +292,13 @@ class TransformsOfLength(NamedTuple):
         back: The inverse; real rows that are shorter are cut off.
         convolve: Transforms columns, transposed into rows, multiplies them by an influence function and transforms them back. Only
             their first ``used`` elements are there, and wanted.
+        add_convolved: The same, but columns stay as they are, and what comes of them is added to sums.
     """
 
     forward: wp.Kernel
     back: wp.Kernel
     convolve: wp.Kernel
+    add_convolved: wp.Kernel
 
 
 @cache
@@ -319,6 +329,15 @@ def transforms_of(length: int) -> TransformsOfLength:
         thread: int, used: int, influence: wp.array2d(dtype=float), complex: wp.array2d(dtype=wp.vec2)
     ): ...
 
+    @wp.func_native(common + _LOAD_COMPLEX + there + _MULTIPLY + back_again + _ADD_COMPLEX)
+    def add_convolved_column(
+        thread: int,
+        used: int,
+        influence: wp.array2d(dtype=float),
+        complex: wp.array2d(dtype=wp.vec2),
+        sums: wp.array2d(dtype=wp.vec2),
+    ): ...
+
     @wp.kernel(module=module, launch_bounds=bounds)
     def transform_pairs(rows: wp.array2d(dtype=float), pairs: wp.array2d(dtype=wp.vec2)):
         of_rows(wp.tid(), rows, pairs)
@@ -331,8 +350,17 @@ def transforms_of(length: int) -> TransformsOfLength:
     def convolve(used: int, influence: wp.array2d(dtype=float), columns: wp.array2d(dtype=wp.vec2)):
         convolve_column(wp.tid(), used, influence, columns)
 
+    @wp.kernel(module=module, launch_bounds=bounds)
+    def add_convolved(
+        used: int,
+        influence: wp.array2d(dtype=float),
+        columns: wp.array2d(dtype=wp.vec2),
+        sums: wp.array2d(dtype=wp.vec2),
+    ):
+        add_convolved_column(wp.tid(), used, influence, columns, sums)
+
     wp.set_module_options({"enable_backward": False}, module)
-    return TransformsOfLength(transform_pairs, transform_pairs_back, convolve)
+    return TransformsOfLength(transform_pairs, transform_pairs_back, convolve, add_convolved)
 
 
 @wp.func
@@ -422,14 +450,3 @@ def separate_pairs(
     """Transforms of pairs of real and even rows, which are real: those of the first are the real part, of the second the other."""
     k, j = wp.tid()
     influence[k, j] = pairs[k / 2, j][k % 2]
-
-
-@wp.kernel
-def add_to(
-    first: int,
-    added: wp.array(dtype=float),
-    # outputs
-    total: wp.array(dtype=float),
-):
-    i = first + wp.tid()
-    total[i] = total[i] + added[i]

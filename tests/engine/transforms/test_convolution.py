@@ -66,6 +66,22 @@ def test_transforms_of_gpus_equal_numpy(shape, padded):
     assert np.abs(actual.numpy().reshape(expected.shape) - expected).max() < 5e-6 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize(("shape", "padded"), [((38, 100), (128, 256)), ((300, 20), (512, 64))])
+def test_sums_on_gpus_equal_numpy(shape, padded):
+    """Every mesh is in both sums, once and three times as strong."""
+    device = resolve_device("auto")
+    mesh, kernel, expected = mesh_and_kernel(shape, padded)
+    transforms = GpuTransforms(device, shape, padded)
+    once, thrice = (wp.empty(int(np.prod(transforms.influence_shape)), dtype=float, device=device) for _ in range(2))
+    for influence, factor in ((once, 1.0), (thrice, 3.0)):
+        transforms.transform_even(wp.array(factor * kernel.ravel(), dtype=float, device=device), influence)
+    result = wp.empty(2 * int(np.prod(shape)), dtype=float, device=device)
+    meshes = (wp.array(each.ravel(), dtype=float, device=device) for each in mesh)
+    transforms.add_up([[once, thrice, once], [thrice, once, once]], meshes, result)
+    sums = np.einsum("kj,jyx->kyx", [[1.0, 3.0, 1.0], [3.0, 1.0, 1.0]], expected)
+    assert np.abs(result.numpy().reshape(sums.shape) - sums).max() < 5e-6 * np.abs(sums).max()
+
+
 @pytest.mark.parametrize("meshes", [1, 2, 3])
 @pytest.mark.parametrize("device", ["cpu", "auto"])
 def test_sums_are_those_of_convolutions(device, meshes):
