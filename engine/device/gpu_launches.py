@@ -12,10 +12,14 @@ import warp as wp
 from .kernel_arguments import KernelArguments
 from .prebuilt_gpu_kernels import load_prebuilt_on_gpu
 
-__all__ = ["BLOCK_DIM", "launch_on_gpu"]
+__all__ = ["BLOCK_DIM", "NotLoadedError", "launch_on_gpu"]
 
 # Threads per block on a GPU. Warp compiles a module anew for every other value, and CPU code for 1.
 BLOCK_DIM = 256
+
+
+class NotLoadedError(RuntimeError):
+    """A graph is being recorded, and a kernel in it was never launched before: its module cannot be loaded now."""
 
 
 def launch_on_gpu(
@@ -30,6 +34,8 @@ def launch_on_gpu(
     known = _known.get(key)
     if known is not None and known.launch(count, arguments):
         return
+    if known is None and device.is_capturing:
+        raise NotLoadedError
     load_prebuilt_on_gpu(kernel.module, device.alias, block_dim)
     launch = wp.launch(kernel, dim=count, inputs=arguments, device=device, block_dim=block_dim, record_cmd=True)
     launch.launch()

@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import threading
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -21,7 +22,7 @@ import numpy as np
 import warp as wp
 
 from .devices import core_count, resolve_device
-from .gpu_launches import launch_on_gpu
+from .gpu_launches import NotLoadedError, launch_on_gpu
 from .gpu_memory import GpuMemory
 from .profile import Profile
 from .threads import Operation, Program, ThreadTeam
@@ -46,7 +47,12 @@ LARGE_ARRAY = 1 << 22
 CACHE_LINE = 64
 # Things that a launcher keeps to use them again: an edit needs what a run needed, and little else.
 MOST_KEPT = 12
+# Arrays that stay for the next launcher, and the largest of these [bytes]: the next run is often one of the same size.
+MOST_SHARED = 24
+LARGEST_SHARED = 1 << 22
 Kept = TypeVar("Kept")
+_shared: dict[Hashable, wp.array] = {}
+_SHARED_LOCK = threading.Lock()
 
 
 class Launcher:
@@ -121,6 +127,21 @@ class Launcher:
         self._kept[key] = value
         while len(self._kept) > MOST_KEPT:
             self._kept.pop(next(iter(self._kept)))
+        return value
+
+    def shared(self, key: Hashable, make: Callable[[], wp.array]) -> wp.array:
+        """What :meth:`kept` returns, an array that nobody changes; a small one stays for the launchers after this one, too."""
+        key = self.device.alias, key
+        with _SHARED_LOCK:
+            if key in _shared:
+                _shared[key] = value = _shared.pop(key)
+                return value
+        value = self.kept(key, make)
+        if value.capacity <= LARGEST_SHARED:
+            with _SHARED_LOCK:
+                _shared[key] = value
+                while len(_shared) > MOST_SHARED:
+                    _shared.pop(next(iter(_shared)))
         return value
 
     def release(self, recording: Recording) -> None:
@@ -292,12 +313,11 @@ class Recording(Protocol):
 
 
 class GpuRecording(Recording):
-    """A CUDA graph. The first time the launches are made one by one, since modules cannot be loaded while a graph is recorded."""
+    """A CUDA graph. If kernels are new, the launches are made one by one at first: modules cannot be loaded while it is recorded."""
 
     def __init__(self, launcher: Launcher, run: Callable[[], None]) -> None:
         self._launcher = launcher
         self._run = run
-        self._played = False
         self._graph: wp.Graph | None = None
 
     def play(self, times: int = 1, until: Until | None = None) -> int:
@@ -305,17 +325,23 @@ class GpuRecording(Recording):
         launcher = self._launcher
         launcher.send()
         for _ in range(times):
-            if not self._played or launcher.profiled:
+            if launcher.profiled or not self._is_recorded():
                 self._run()
-                self._played = True
                 continue
-            if self._graph is None:
-                with wp.ScopedCapture(device=launcher.device) as capture:
-                    self._run()
-                self._graph = capture.graph
             launcher.python_launches += 1
             wp.capture_launch(self._graph)
         return times
+
+    def _is_recorded(self) -> bool:
+        """Record the graph, if it is not yet; False if a kernel in it has still to be loaded."""
+        if self._graph is None:
+            try:
+                with wp.ScopedCapture(device=self._launcher.device) as capture:
+                    self._run()
+            except NotLoadedError:
+                return False
+            self._graph = capture.graph
+        return True
 
     def forget(self) -> None:
         """See :meth:`Recording.forget`."""

@@ -125,7 +125,7 @@ class Field:
         self._choose_cells()
         self._make_room(interaction)
         self._lay_images(images, interaction @ charge_of_image)
-        self._influence = launcher.kept(
+        self._influence = launcher.shared(
             ("influence", self.layout, self.cutoff), lambda: far_influence(self._convolution, self.layout, self.cutoff)
         )
         family = np.zeros(len(targets), np.int32) if family is None else np.asarray(family, np.int32)

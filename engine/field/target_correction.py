@@ -151,7 +151,7 @@ class TargetCorrection:
         least = (FINEST_BLUR_OVER_MESH * max(layout.spacing)) ** 2
 
         def influence_of(variance: float) -> wp.array:
-            return launcher.kept(
+            return launcher.shared(
                 ("influence", layout, variance, cutoff), partial(rest_influence, convolution, layout, variance, cutoff)
             )
 

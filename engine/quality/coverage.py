@@ -127,7 +127,7 @@ class Coverage:
 
         # Scenes of a batch are alike, and small.
         key = ("coverage", shape, padded, *sigma, domain.periodic)
-        influence = launcher.kept(key, blur) if padded[0] * padded[1] <= MOST_KEPT else blur()
+        influence = launcher.shared(key, blur) if padded[0] * padded[1] <= MOST_KEPT else blur()
         difference = launcher.empty(shape[0] * shape[1], float)
         cells, on_gpu = rows * columns, launcher.device.is_cuda
         weights = sum(weight for _, weight in targets)

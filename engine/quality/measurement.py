@@ -10,9 +10,10 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
+from ..problem.body_footprints import BodyFootprints
 from ..problem.cover import cover_of
 from ..problem.note import Note, NoteKind
-from ..problem.of_bodies import one_by_one
+from ..problem.of_bodies import is_same, one_by_one
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
 from ..problem.prepared_class import PreparedClass
@@ -32,6 +33,11 @@ from .surface_out_of_place import out_of_place_on_surface
 from .unequal_areas import notes_on_areas
 
 __all__ = ["measure"]
+
+# The shape of bodies without an outline of their own, see :class:`~esh.engine.problem.body_footprints.BodyFootprints`.
+DISC = 0
+# Distances are known in single precision: what is so many times as large is larger.
+CLEARLY = 1.001
 
 
 def measure(placement: Placement, launcher: Launcher) -> Report:
@@ -65,7 +71,8 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
         outlined = footprints.areas(placement.length, placement.width, apart=False)
         seen = np.where(footprints.is_outline, outlined, seen)
     covered = float(seen.sum() / (domain.area * share_in_use(problem)))
-    overlaps = overlaps_of(placement, launcher, footprints, bodies.position)
+    spacing = measure_spacing(bodies, _number_density(bodies, problem.classes))
+    overlaps = _overlaps(placement, launcher, footprints, bodies, spacing)
     notes = [note for c in problem.classes for note in c.notes]
     notes += notes_on_areas(area, class_index, errors) + _notes_on_overlaps(problem, overlaps, covered)
     notes += _notes_on_places(problem, misplaced := out_of_place(placement, launcher, footprints))
@@ -76,7 +83,6 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     if placement.fixed.any():
         # As if only the others were.
         notes += _notes_on_fixed_places(out_of_place(replace(placement, fixed=~placement.fixed), launcher, footprints))
-    spacing = measure_spacing(bodies, _number_density(bodies, problem.classes))
     apart = [spacing]
     if len(problem.classes) > 1:
         apart = [_spacing_of_class(placement, index, launcher) for index in range(len(problem.classes))]
@@ -104,6 +110,21 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
         classes=_class_reports(placement, errors, apart),
         notes=tuple(notes),
     )
+
+
+def _overlaps(
+    placement: Placement,
+    launcher: Launcher,
+    footprints: BodyFootprints,
+    bodies: MeasuredBodies,
+    spacing: Spacing | None,
+) -> Overlaps:
+    """What overlaps; looked for only where some body is no disc, or the closest two are no farther apart than the largest is wide."""
+    if spacing is not None and is_same(footprints.shape) and footprints.shape[0] == DISC:
+        widest = 2.0 * float(footprints.factor[0] if is_same(footprints.factor) else footprints.factor.max())
+        if widest * CLEARLY < min(spacing.closest, spacing.reach):
+            return Overlaps(0)
+    return overlaps_of(placement, launcher, footprints, bodies.position)
 
 
 def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:

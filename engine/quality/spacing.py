@@ -35,12 +35,14 @@ class Spacing(NamedTuple):
         smallest: Smallest distance over the hexagonal spacing of the local number density; 1 for a perfect hexagonal lattice. Bodies
             where the density is 0, as fixed ones may be, have none; None where that is so for all.
         closest: Smallest distance [m].
+        reach: No two bodies that are nearer to each other than this [m] were overlooked.
         usual: Median of all bodies' distances to their nearest neighbors [m].
         order: Mean sixfold order of bodies' neighbors, see :attr:`~esh.engine.problem.report.Report.order`.
     """
 
     smallest: float | None
     closest: float
+    reach: float
     usual: float
     order: float | None
 
@@ -99,8 +101,9 @@ def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing
             grain=GRAIN_OF_NEIGHBORS,
         )
         nobody = float(kernels_spacing.NOBODY)
+        closest, _ = least_and_number(launcher, nearest, nobody)
         launcher.launch(kernels_spacing.forget_unseen, n, [share, nobody, MOST_SPACINGS * HEXAGONAL_SPACING], [nearest])
-        closest, found = least_and_number(launcher, nearest, nobody)
+        _, found = least_and_number(launcher, nearest, nobody)
         if found:
             break
         if max(counts) == 1:
@@ -112,6 +115,7 @@ def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing
     return Spacing(
         smallest / HEXAGONAL_SPACING if smallest < kernels_spacing.NOBODY else None,
         closest * bodies.unit,
+        side * bodies.unit,
         usual * bodies.unit,
         _order(bodies, cells, grid),
     )

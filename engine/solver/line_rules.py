@@ -38,7 +38,10 @@ BLOCK = 6.0
 
 def numbers_for_kernels(launcher: Launcher, values: Sequence[float] | np.ndarray) -> wp.array:
     """Return numbers on the device, ``float``, for kernels to read; a single 0 where there are none."""
-    return launcher.array(np.array(values if len(values) else [0.0], np.float32), float)
+    if not len(values):
+        # Of dots there are none in any table.
+        return launcher.shared("no numbers", lambda: launcher.own_array(np.zeros(1, np.float32), float))
+    return launcher.array(np.array(values, np.float32), float)
 
 
 def first_length_factors(launcher: Launcher, count: int) -> wp.array:

@@ -75,7 +75,7 @@ BODIES_TO_SETTLE = 80_000
 # An edit that makes so many times more or fewer charges gets another unit of length.
 MOST_GROWTH = 1.5
 # Steps on a GPU between two looks at how far bodies still move, where nobody wants to hear of each.
-STEPS_UNWATCHED = 10
+STEPS_UNWATCHED = 20
 # Outlines that look at a point may look past it by this much [rad], 2 degrees, before they are turned and parted again, so many times
 # at most: in crowds one body or the other is always moved far, and trading places is what makes room.
 LOOKS_AWAY = 0.035
@@ -530,10 +530,11 @@ class Solver:
         while step < max_steps:
             # With nobody watching, steps follow each other without Python, and a GPU need not be asked after each how it goes.
             many = 1
-            if progress is None and step > 0:
-                many = max_steps - step
+            if progress is None:
                 if self.launcher.device.is_cuda:
-                    many = 1 if self.launcher.profiled else min(STEPS_UNWATCHED, many)
+                    many = 1 if self.launcher.profiled else min(STEPS_UNWATCHED, max_steps - step)
+                elif step > 0:
+                    many = max_steps - step
             taken = self.descent.step.play(many, self.descent.direction.settled(TOLERANCE))
             residual = self._stepped(taken)
             step += taken

@@ -15,6 +15,7 @@ from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
+from esh.engine.quality import measurement
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.quality.measured_bodies import measured_bodies
 from esh.engine.quality.measurement import measure
@@ -276,3 +277,19 @@ def test_the_report_has_the_order_of_all_and_of_each_class():
     assert report.order == pytest.approx(sixfold_order(placement.position), abs=2e-3)
     assert report.to_dict()["order"] == report.order and report.to_dict()["classes"][0]["order"] > 0.3
     assert f"order {report.order:.2f}" in str(report) and str(report).splitlines()[0].endswith("order")
+
+
+def test_overlaps_of_discs_are_looked_for_only_where_some_are_closer_than_wide(monkeypatch):
+    looked = []
+    found = measurement.overlaps_of
+    monkeypatch.setattr(measurement, "overlaps_of", lambda *given: looked.append(1) or found(*given))
+
+    def reported(area):
+        problem = Problem(Domain((10.0, 10.0)), [BodyClass("a", [Size("s", area, 100)])])
+        return solve(problem, max_steps=60, device="cpu").report
+
+    # A spacing is 1: discs are .8 wide, and then 1.2.
+    assert reported(0.5).overlaps == 0
+    assert not looked
+    assert reported(1.13).overlaps > 100
+    assert looked
