@@ -56,13 +56,16 @@ def test_the_blur_follows_the_charges_that_lines_consist_of():
 
 
 def test_ranges_are_as_even_on_a_square_as_in_the_plane():
-    """Blurred by what only bodies that are all alike are, they are 1.13 times as uneven."""
+    """Single runs differ by a twentieth; without a blur that follows the charges they are 1.22 times as uneven."""
     square = Surface(
         SurfaceMesh(np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float), np.array([[0, 1, 2], [0, 2, 3]]))
     )
     classes = [BodyClass("a", sized((1e-5, 1e-4), count=1000))]
-    flat, plane = (solve(Problem(domain, classes), device="cpu").report for domain in (square, Domain((1.0, 1.0))))
-    assert flat.coverage_error < 1.08 * plane.coverage_error
+    flat, plane = (
+        np.mean([solve(Problem(domain, classes, seed=seed), device="cpu").report.coverage_error for seed in range(4)])
+        for domain in (square, Domain((1.0, 1.0)))
+    )
+    assert flat < 1.17 * plane
 
 
 def test_long_bodies_and_outlines_that_keep_apart_are_points():
