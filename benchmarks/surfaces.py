@@ -25,8 +25,8 @@ def uniform(place: np.ndarray) -> np.ndarray:
     return np.ones(len(place))
 
 
-def suzanne() -> tuple[np.ndarray, np.ndarray] | None:
-    """Blender's monkey, smoothed twice; None without Blender as a Python module."""
+def suzanne(levels: int) -> tuple[np.ndarray, np.ndarray] | None:
+    """Blender's monkey, smoothed so many times; None without Blender as a Python module."""
     try:
         import bpy
     except ImportError:
@@ -34,7 +34,7 @@ def suzanne() -> tuple[np.ndarray, np.ndarray] | None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.mesh.primitive_monkey_add(size=2)
     thing = bpy.context.object
-    thing.modifiers.new("smooth", "SUBSURF").levels = 2
+    thing.modifiers.new("smooth", "SUBSURF").levels = levels
     mesh = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
     mesh.calc_loop_triangles()
     vertices = np.array([vertex.co[:] for vertex in mesh.vertices])
@@ -126,7 +126,7 @@ def main() -> None:
     if options.times is not None:
         times(options.times or [100_000], options.device)
         return
-    monkey = suzanne()
+    monkey, coarse = suzanne(2), suzanne(0)
     single: list[tuple[str, Callable[[], tuple], str]] = [
         ("square", meshes.square, "uniform"),
         ("square", meshes.square, "checker"),
@@ -136,6 +136,7 @@ def main() -> None:
         ("rock", meshes.rock, "gradient"),
         ("thin box", lambda: meshes.thin_box(COUNT), "uniform"),
         *([("Suzanne", lambda: monkey, "uniform")] if monkey is not None else []),
+        *([("Suzanne, 968 triangles", lambda: coarse, "uniform")] if coarse is not None else []),
     ]
 
     def chosen(name: str) -> bool:
