@@ -33,6 +33,7 @@ from .final_placement import (
     looks_at_point,
     somebody_looks,
 )
+from .identities_of_fixed import identities_of_fixed
 from .ink import with_widths
 from .memory import check_memory
 from .model import Model
@@ -326,6 +327,7 @@ class Solver:
         """Make a model and a descent of what is to be placed now; return the identities of bodies that are new, and gone."""
         before, old = self.model, descent.state
         model = Model(problem)
+        self._name_fixed(before, model)
         points = points_of(self.launcher, descent.facets, old)
         self._spreads += 1
         rng = np.random.default_rng([problem.seed, 4, self._spreads])
@@ -352,6 +354,7 @@ class Solver:
         before = self.model
         ratio = problem.charge_count / before.charge_count
         model = Model(problem, unit=before.unit if 1.0 / MOST_GROWTH < ratio < MOST_GROWTH else None)
+        self._name_fixed(before, model)
         old = before_edit.state
         carried = carry_over(self.launcher, before, old.pose, model, self._next_identity, self._spread)
         model.carry(before, carried)
@@ -368,6 +371,14 @@ class Solver:
             steps = min(max(BODIES_TO_SETTLE // model.body_count, FEWEST_SETTLING), MOST_SETTLING)
             settle_near(descent, carried.changes, steps)
         return model.body.identity[carried.new], before.body.identity[carried.gone]
+
+    def _name_fixed(self, before: Model, model: Model) -> None:
+        """Give the fixed bodies of an edit's model identities that nobody else has."""
+        if model.has_fixed:
+            fixed, self._next_identity = identities_of_fixed(before, model, self._next_identity)
+            identity = model.body.identity.copy()
+            identity[model.fixed] = fixed
+            model.body = replace(model.body, identity=identity)
 
     @property
     def state(self) -> State | SurfaceState:

@@ -27,6 +27,8 @@ __all__ = [
 FOLD = 3
 # Bands of the last few meshes and images are kept: scenes of a batch are alike.
 MOST_KEPT = 16
+# What is moved into a pixel ends at least so far inside it, and at most so much farther, over the pixel's size.
+EDGE, DEEPEST = 1e-3, 0.3
 # Weights of the pixels that reach each cell or node along one axis: the first pixel (may lie outside), shape [cells], and
 # the weights of it and the following ones, shape [cells, reach].
 Band = tuple[np.ndarray, np.ndarray]
@@ -112,7 +114,8 @@ def sample_density(image: np.ndarray, position: np.ndarray, size: tuple[float, f
 def move_into_support(image: np.ndarray, position: np.ndarray, size: tuple[float, float]) -> np.ndarray:
     """Return positions (shape ``[n, 2]``) of which those on zero density moved to the nearest pixel above zero nearby.
 
-    They end just inside that pixel, so that rounding cannot put them out again.
+    They end inside that pixel, so that rounding cannot put them out again; the farther they were away the deeper, so that no two end
+    in one place that were in different ones.
     """
     result = np.array(position, dtype=np.float64)
     height, width = image.shape
@@ -128,7 +131,9 @@ def move_into_support(image: np.ndarray, position: np.ndarray, size: tuple[float
             top, left = max(row - found, 0), max(column - found, 0)
             near = np.argwhere(image[top : row + found + 1, left : column + found + 1] > 0.0) + (top, left)
         low = np.stack([near[:, 1], height - 1 - near[:, 0]], axis=1) * pixel
-        inside = np.clip(result[body], low + 1e-3 * pixel, low + (1.0 - 1e-3) * pixel)
+        below, above = np.maximum(low - result[body], 0.0) / pixel, np.maximum(result[body] - low - pixel, 0.0) / pixel
+        first, last = (EDGE + DEEPEST * away / (1.0 + away) for away in (below, above))
+        inside = np.clip(result[body], low + first * pixel, low + (1.0 - last) * pixel)
         result[body] = inside[np.argmin(((inside - result[body]) ** 2).sum(axis=1))]
     return result
 

@@ -492,3 +492,40 @@ def test_what_lengths_were_pressed_by_is_known_after_an_edit():
         one = float(solver.state.length_factor.numpy()[0])
         solver.edit(problem_of(800, wanted), steps=0)
         np.testing.assert_allclose(by_halves(solver), one, rtol=1e-6)
+
+
+def test_fixed_bodies_without_identities_get_free_ones_and_keep_them():
+    place = np.random.default_rng(0).uniform(1.0, 9.0, (20, 2))
+
+    def problem(count, extra=0):
+        fixed = FixedBodies(place[: 20 - extra], body_class="a", size="s")
+        return Problem(Domain((10.0, 10.0)), [BodyClass("a", [Size("s", 0.05, count)])], fixed=fixed)
+
+    free = Problem(Domain((10.0, 10.0)), [BodyClass("a", [Size("s", 0.05, 30)])])
+    with Solver(free, device="cpu") as solver:
+        solver.step(5)
+        before = solver.placement()
+        solver.edit(problem(50))
+        first = solver.placement()
+        assert len(set(first.id.tolist())) == len(first.id)
+        # Nobody who is fixed is one of those that there were.
+        assert not set(first.id[first.fixed].tolist()) & set(before.id.tolist())
+        solver.edit(problem(60, extra=5))
+        then = solver.placement()
+        assert len(set(then.id.tolist())) == len(then.id)
+        was = dict(zip(map(tuple, first.position[first.fixed]), first.id[first.fixed].tolist(), strict=True))
+        for at, identity in zip(then.position[then.fixed], then.id[then.fixed].tolist(), strict=True):
+            assert was[tuple(at)] == identity
+
+
+def test_bodies_that_are_moved_into_a_small_density_are_not_in_one_place():
+    row, column = np.mgrid[:192, :256]
+    everywhere = BodyClass("a", [Size("s", 0.02, 300)])
+    for middle in ((60.0, 100.0), (93.0, 150.0), (120.0, 70.0)):
+        dab = ((column - middle[1]) ** 2 + (row - middle[0]) ** 2 < 12.5**2).astype(float)
+        small = BodyClass("b", [Size("s", 0.02, 50)], dab)
+        with Solver(Problem(Domain((20.0, 15.0)), [everywhere], seed=5), device="cpu") as solver:
+            solver.step(20)
+            solver.edit(Problem(Domain((20.0, 15.0)), [everywhere, small], seed=5))
+            position = solver.placement().position
+        assert len(np.unique(position, axis=0)) == len(position)
