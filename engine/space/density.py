@@ -28,7 +28,7 @@ FOLD = 3
 # Bands of the last few meshes and images are kept: scenes of a batch are alike.
 MOST_KEPT = 16
 # What is moved into a pixel ends at least so far inside it, and at most so much farther, over the pixel's size.
-EDGE, DEEPEST = 1e-3, 0.3
+EDGE, DEEPEST = 1e-3, 1e-3
 # Weights of the pixels that reach each cell or node along one axis: the first pixel (may lie outside), shape [cells], and
 # the weights of it and the following ones, shape [cells, reach].
 Band = tuple[np.ndarray, np.ndarray]
