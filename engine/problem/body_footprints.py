@@ -18,10 +18,12 @@ from .settings import settle
 from .size import with_count
 from .slopes import level_share, mean_cosine, slope_at, tilted, tilts
 
-__all__ = ["CAPSULE", "BodyFootprints", "footprints_of"]
+__all__ = ["CAPSULE", "DISC", "BodyFootprints", "footprints_of"]
 
 # Stands for the shape of a line without outlines of its own: a capsule, as long and as wide as the line comes to be.
 CAPSULE = -1
+# The first of all shapes, that of bodies without an outline of their own, is a disc of radius 1.
+DISC = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +232,7 @@ def _discs_and_capsules(problem: Problem, counts: list[int]) -> BodyFootprints:
     no, nothing, once = of_all(False, n), of_all(np.int32(0), n), of_all(1.0, n)
     return BodyFootprints(
         (Footprint.disc(1.0),),
-        of_bodies([CAPSULE if axis else 0 for axis in has_axis], counts, np.int32),
+        of_bodies([CAPSULE if axis else DISC for axis in has_axis], counts, np.int32),
         factor,
         of_all(0.0, n),
         no,

@@ -125,7 +125,7 @@ class Coverage:
             )
             return product_influence(convolution, along_y / (padded[0] * padded[1]), along_x)
 
-        # Scenes of a batch are alike, and small.
+        # Runs of one size need the same one.
         key = ("coverage", shape, padded, *sigma, domain.periodic)
         influence = launcher.shared(key, blur) if padded[0] * padded[1] <= MOST_KEPT else blur()
         difference = launcher.empty(shape[0] * shape[1], float)

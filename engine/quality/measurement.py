@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
-from ..problem.body_footprints import BodyFootprints
+from ..problem.body_footprints import DISC, BodyFootprints
 from ..problem.cover import cover_of
 from ..problem.note import Note, NoteKind
 from ..problem.of_bodies import is_same, one_by_one
@@ -34,8 +34,6 @@ from .unequal_areas import notes_on_areas
 
 __all__ = ["measure"]
 
-# The shape of bodies without an outline of their own, see :class:`~esh.engine.problem.body_footprints.BodyFootprints`.
-DISC = 0
 # Distances are known in single precision: what is so many times as large is larger.
 CLEARLY = 1.001
 
