@@ -529,3 +529,18 @@ def test_bodies_that_are_moved_into_a_small_density_are_not_in_one_place():
             solver.edit(Problem(Domain((20.0, 15.0)), [everywhere, small], seed=5))
             position = solver.placement().position
         assert len(np.unique(position, axis=0)) == len(position)
+
+
+def test_fixed_bodies_in_one_place_keep_different_identities():
+    def problem(place):
+        fixed = FixedBodies(np.array(place), body_class="a", size="s")
+        return Problem(Domain((10.0, 10.0)), [BodyClass("a", [Size("s", 0.05, 10)])], fixed=fixed)
+
+    with Solver(problem([[1.0, 1.0], [5.0, 5.0], [1.0, 1.0]]), device="cpu") as solver:
+        before = solver.placement()
+        solver.edit(problem([[1.0, 1.0], [1.0, 1.0], [1.0, 1.0], [2.0, 2.0]]))
+        then = solver.placement()
+    assert len(set(then.id.tolist())) == len(then.id)
+    twice = before.id[before.fixed][[0, 2]].tolist()
+    assert then.id[then.fixed][:2].tolist() == twice
+    assert not set(then.id[then.fixed][2:].tolist()) & set(before.id.tolist())
