@@ -31,6 +31,9 @@ __all__ = ["Field", "FieldTarget"]
 
 # Bands of cells that CPU threads deposit the charges of, for every thread: enough that a crowded one keeps no thread waiting.
 BANDS_PER_THREAD = 8
+# Threads of a GPU that run at once, about, and how many of them share the neighbors of a charge at most.
+THREADS_OF_GPU = 1 << 18
+MOST_THREADS_OF_CHARGE = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,8 +237,9 @@ class Field:
         """
         with self.launcher.phase("sort"):
             self._sort(position)
-        with self.launcher.phase("deposit"):
-            self._deposit()
+        if not self.launcher.device.is_cuda:
+            with self.launcher.phase("deposit"):
+                self._deposit()
         with self.launcher.phase("FFT"):
             self._solve_far_field()
         with self.launcher.phase("near field, interpolation"):
@@ -245,7 +249,8 @@ class Field:
         near = [self._sorted, self._blurred, self.cells, self.cutoff]
         far = [self.mesh, self._potential, self._corrected]
         if self.launcher.device.is_cuda:
-            self.launcher.launch(kernels_field.evaluate_field, self.charge_count, [*near, *far], [field])
+            parts = _threads_of_charge(self.charge_count)
+            self.launcher.launch(kernels_field.evaluate_field, parts * self.charge_count, [parts, *near, *far], [field])
             return
         for lot in self._lots:
             self.launcher.launch(
@@ -264,21 +269,25 @@ class Field:
         )
 
     def _sort(self, position: wp.array) -> None:
-        self._cell_sort.sort(kernels_cells.compute_cell_keys, [position, self.cells])
-        at_once = 1 if self.launcher.device.is_cuda else kernels_gather.GATHERED_AT_ONCE
-        self.launcher.launch(
+        """Put charges into the order of their cells; a GPU also deposits them on the mesh."""
+        launch, sort, n = self.launcher.launch, self._cell_sort, self.charge_count
+        given = [position, self._given, self._interaction, self.group_count, self._places]
+        if sort.counting is not None:
+            elements = sort.count(sort.counting, kernels_cells.count_charges, [position, self.cells])
+            outputs = [sort.counting, self._sorted, self._blurred, self._node_charge]
+            launch(kernels_gather.lay_charges, elements, [n, *given, self.mesh], outputs)
+            return
+        sort.sort(kernels_cells.compute_cell_keys, [position, self.cells])
+        at_once = kernels_gather.GATHERED_AT_ONCE
+        launch(
             kernels_gather.gather_charges,
-            -(-self.charge_count // at_once),
-            [self.charge_count, at_once, position, self._given, self._interaction, self.group_count, self._places],
+            -(-n // at_once),
+            [n, at_once, *given],
             [self._sorted, self._blurred],
             grain=GRAIN // at_once,
         )
 
     def _deposit(self) -> None:
-        inputs = [self._sorted, self.mesh]
-        if self.launcher.device.is_cuda:
-            self.launcher.launch(kernels_splines.deposit_charges, self.charge_count, inputs, [self._node_charge])
-            return
         # Threads must not write to one node at once. Charges are sorted by rows of cells, and two rows are higher than the
         # four nodes that a spline reaches: bands of at least two rows never meet once every other one is left out.
         bands = max(1, min(BANDS_PER_THREAD * self.launcher.thread_count, self.cells.count_y // 2))
@@ -286,7 +295,7 @@ class Field:
             self.launcher.launch(
                 kernels_splines.deposit_bands,
                 count,
-                [first_band, bands, self.cells, *inputs],
+                [first_band, bands, self.cells, self._sorted, self.mesh],
                 [self._node_charge],
                 grain=max(1, GRAIN_OF_NEIGHBORS * bands // self.charge_count),
             )
@@ -301,6 +310,14 @@ class Field:
             grain=max(1, GRAIN * 8 // (at_once * self.group_count**2)),
         )
         self._convolution.apply(self._influence, self._potential)
+
+
+def _threads_of_charge(count: int) -> int:
+    """How many threads of a GPU share the neighbors of a charge, a power of two: fewer charges than it has threads leave some idle."""
+    threads = 1
+    while threads < MOST_THREADS_OF_CHARGE and 2 * threads * count <= THREADS_OF_GPU:
+        threads *= 2
+    return threads
 
 
 def _known(image: np.ndarray, images: list[np.ndarray]) -> np.ndarray:

@@ -85,7 +85,7 @@ def pair_strength(variance: str) -> str:
 """
 
 
-# For a GPU: every charge has a thread, which goes through all of its neighbors.
+# For a GPU: every charge has a thread, which goes through all of its neighbors, or some threads of a warp that share them.
 _SUM_NEAR = f"""
 #if defined(__CUDA_ARCH__)
     typedef float V;
@@ -107,17 +107,20 @@ _SUM_NEAR = f"""
     const float* __restrict__ ws = charges.weight.data + (size_t)charges.group.data[own] * charges.weight_stride;
     const float* __restrict__ qs = charges.charge.data;
     wp::vec2 sum(0.0f, 0.0f);
+    auto add = [&](int j, float from_x, float from_y)
+    {{
+        const V dx = from_x - xs[j];
+        const V dy = from_y - ys[j];
+        {pair_strength("(own_variance + vs[j]) * (fs[j] == own_family ? 1.0f : narrower)")}
+        const V weighted = r2 < cutoff2 ? ws[j] * qs[j] * strength : 0.0f;
+        sum[0] += weighted * dx;
+        sum[1] += weighted * dy;
+    }};
     auto add_range = [&](int begin, int end, float from_x, float from_y)
     {{
-        for (int j = begin; j < end; ++j)
-        {{
-            const V dx = from_x - xs[j];
-            const V dy = from_y - ys[j];
-            {pair_strength("(own_variance + vs[j]) * (fs[j] == own_family ? 1.0f : narrower)")}
-            const V weighted = r2 < cutoff2 ? ws[j] * qs[j] * strength : 0.0f;
-            sum[0] += weighted * dx;
-            sum[1] += weighted * dy;
-        }}
+        // Steps of one make for a quicker loop.
+        if (parts == 1) for (int j = begin; j < end; ++j) add(j, from_x, from_y);
+        else for (int j = begin + part; j < end; j += parts) add(j, from_x, from_y);
     }};
     for (int k = -{ROWS_PER_CUTOFF}; k <= {ROWS_PER_CUTOFF}; ++k)
     {{
@@ -134,6 +137,15 @@ _SUM_NEAR = f"""
         add_range(starts[wp::max(left, 0)], starts[wp::min(right, columns - 1) + 1], x, from_y);
         if (repeats_x && left < 0) add_range(starts[left + columns], starts[columns], x + period_x, from_y);
         else if (repeats_x && right >= columns) add_range(starts[0], starts[right - columns + 1], x - period_x, from_y);
+    }}
+    if (parts > 1)
+    {{
+        const unsigned int all = ((1u << parts) - 1u) << (threadIdx.x % 32 - part);
+        for (int apart = parts / 2; apart > 0; apart /= 2)
+        {{
+            sum[0] += __shfl_xor_sync(all, sum[0], apart);
+            sum[1] += __shfl_xor_sync(all, sum[1], apart);
+        }}
     }}
     return sum;
 #else
@@ -161,13 +173,15 @@ class Blurred:
 @wp.func_native(_SUM_NEAR)
 def sum_near(
     own: int,
+    part: int,
+    parts: int,
     charges: SortedCharges,
     blurred: Blurred,
     grid: CellGrid,
     space_period: wp.vec2,
     cutoff: float,
 ) -> wp.vec2:
-    """Near part of the field at a sorted charge."""
+    """Near part of the field at a sorted charge, which a thread adds up for one of so many ``parts`` of the neighbors."""
     ...
 
 
@@ -199,6 +213,7 @@ def far_field(
 @wp.kernel
 def evaluate_field(
     first: int,
+    parts: int,
     charges: SortedCharges,
     blurred: Blurred,
     grid: CellGrid,
@@ -209,10 +224,13 @@ def evaluate_field(
     # outputs
     field: wp.array(dtype=wp.vec2),
 ):
-    """Force per unit charge, written in the order in which the charges were given; on a GPU."""
-    i = first + wp.tid()
-    near = sum_near(i, charges, blurred, grid, period(grid.space), cutoff)
-    field[charges.order[i]] = far_field(i, charges, blurred, mesh, potential, correction) + near
+    """Force per unit charge, written in the order in which the charges were given; on a GPU, ``parts`` threads for each."""
+    thread = first + wp.tid()
+    i = thread / parts
+    part = thread - i * parts
+    near = sum_near(i, part, parts, charges, blurred, grid, period(grid.space), cutoff)
+    if part == 0:
+        field[charges.order[i]] = far_field(i, charges, blurred, mesh, potential, correction) + near
 
 
 @wp.kernel

@@ -1,14 +1,15 @@
-"""The kernel that copies charges into the order of their cells, with what groups see of them and how they are blurred there."""
+"""Kernels that copy charges into the order of their cells, with what groups see of them and how they are blurred there."""
 
 from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_cells import SortedCharges
+from ..space.kernels_cells import Counting, SortedCharges, forget_blocks, place_in_order
 from ..space.kernels_mesh import Mesh
 from .kernels_field import Blurred
+from .kernels_splines import deposit
 
-__all__ = ["GATHERED_AT_ONCE", "BlurOfPlaces", "GivenCharges", "gather_charges"]
+__all__ = ["GATHERED_AT_ONCE", "BlurOfPlaces", "GivenCharges", "gather_charges", "lay_charges"]
 
 wp.set_module_options({"enable_backward": False})
 
@@ -43,7 +44,12 @@ class BlurOfPlaces:
 
 
 _GATHER = """
-    const int* __restrict__ order = charges.order.data + start;
+    // A GPU's thread has one, whose place in the order may just have been written.
+    #if defined(__CUDA_ARCH__)
+        const int order[1] = {item};
+    #else
+        const int* __restrict__ order = charges.order.data + start;
+    #endif
     float* __restrict__ x = charges.x.data + start;
     float* __restrict__ y = charges.y.data + start;
     float* __restrict__ charge = charges.charge.data + start;
@@ -103,6 +109,7 @@ _GATHER = """
 def gather(
     start: int,
     count: int,
+    item: int,
     position: wp.array(dtype=wp.vec2),
     given: GivenCharges,
     interaction: wp.array(dtype=float),
@@ -127,10 +134,36 @@ def gather_charges(
     charges: SortedCharges,
     blurred: Blurred,
 ):
-    """Copy charges into the order of their cells; an element has ``at_once`` of them.
+    """Copy charges into the order of their cells, on the CPU; an element has ``at_once`` of them.
 
     What every group sees of them is written where that is not known by group, and how they are blurred where that differs.
     """
     start = (first + wp.tid()) * at_once
     count = wp.min(at_once, charge_count - start)
-    gather(start, count, position, given, interaction, group_count, places, charges, blurred)
+    gather(start, count, 0, position, given, interaction, group_count, places, charges, blurred)
+
+
+@wp.kernel
+def lay_charges(
+    first: int,
+    charge_count: int,
+    position: wp.array(dtype=wp.vec2),
+    given: GivenCharges,
+    interaction: wp.array(dtype=float),
+    group_count: int,
+    places: BlurOfPlaces,
+    mesh: Mesh,
+    # outputs
+    counting: Counting,
+    charges: SortedCharges,
+    blurred: Blurred,
+    node_charge: wp.array(dtype=wp.int64),
+):
+    """Put a charge that was counted to its place in the order of the cells, copy it there and deposit it on the mesh; on a GPU."""
+    i = first + wp.tid()
+    forget_blocks(i, counting)
+    if i < charge_count:
+        place = place_in_order(i, counting, charges.cell_start)
+        charges.order[place] = i
+        gather(place, 1, i, position, given, interaction, group_count, places, charges, blurred)
+        deposit(position[i], given.charge[i], given.group[i], mesh, node_charge)

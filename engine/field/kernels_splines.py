@@ -58,19 +58,20 @@ def add_to_rows(node_charge: wp.array(dtype=wp.int64), start: int, stride: int, 
 
 @wp.func
 def deposit(
-    i: int,
-    charges: SortedCharges,
+    position: wp.vec2,
+    charge: float,
+    group: int,
     mesh: Mesh,
     node_charge: wp.array(dtype=wp.int64),
 ):
     """Spread a charge onto the sixteen nodes around it."""
-    u = charges.x[i] * mesh.inverse_spacing[0] + float(mesh.margin)
-    v = charges.y[i] * mesh.inverse_spacing[1] + float(mesh.margin)
+    u = position[0] * mesh.inverse_spacing[0] + float(mesh.margin)
+    v = position[1] * mesh.inverse_spacing[1] + float(mesh.margin)
     iu = int(wp.floor(u))
     iv = int(wp.floor(v))
     wx = spline_weights(u - float(iu))
-    wy = spline_weights(v - float(iv)) * (charges.charge[i] * FIXED_POINT_SCALE)
-    base = charges.group[i] * mesh.count_x * mesh.count_y
+    wy = spline_weights(v - float(iv)) * (charge * FIXED_POINT_SCALE)
+    base = group * mesh.count_x * mesh.count_y
     if iu >= 1 and iv >= 1 and iu + 2 < mesh.count_x and iv + 2 < mesh.count_y:
         add_to_rows(node_charge, base + (iv - 1) * mesh.count_x + iu - 1, mesh.count_x, wx, wy)
         return
@@ -80,17 +81,6 @@ def deposit(
         for a in range(4):
             column = wrap(iu + a - 1, mesh.count_x)
             wp.atomic_add(node_charge, base + row * mesh.count_x + column, wp.int64(wy[b] * wx[a]))
-
-
-@wp.kernel
-def deposit_charges(
-    first: int,
-    charges: SortedCharges,
-    mesh: Mesh,
-    # outputs
-    node_charge: wp.array(dtype=wp.int64),
-):
-    deposit(first + wp.tid(), charges, mesh, node_charge)
 
 
 @wp.kernel
@@ -109,7 +99,7 @@ def deposit_bands(
     begin = charges.cell_start[cells.count_y * band / bands * cells.count_x]
     end = charges.cell_start[cells.count_y * (band + 1) / bands * cells.count_x]
     for i in range(begin, end):
-        deposit(i, charges, mesh, node_charge)
+        deposit(wp.vec2(charges.x[i], charges.y[i]), charges.charge[i], charges.group[i], mesh, node_charge)
 
 
 # Nodes that the CPU mixes at once.

@@ -36,18 +36,22 @@ class Direction:
         room = count if on_gpu else count + kernels_direction.SUMS_APART
         self.sums = launcher.zeros((launcher.thread_count, room, slots), wp.int64)
         self._totals = launcher.zeros(count, wp.int64)
+        self._arrived = launcher.zeros(1, wp.int32)
         self.factors = launcher.zeros(4, float)
 
     def decide(self, length_factor: wp.array) -> None:
         """Launch what decides, once all bodies have added to the sums; lengths of kinds of lines follow."""
-        count, slots = self._totals.shape[0], self.sums.shape[2]
+        slots = self.sums.shape[2]
         at_once = min(kernels_direction.SLOTS_AT_ONCE, slots)
-        self._launcher.launch(kernels_direction.add_up, count * slots // at_once, [at_once], [self.sums, self._totals])
+        elements = len(self._totals) * slots // at_once
+        rules = self._rules
         self._launcher.launch(
             kernels_direction.decide_direction,
-            1,
-            [self._rules.kind_count, self._rules.line_count, self._rules.pressed],
-            [self._totals, self.factors, length_factor],
+            elements,
+            [elements, at_once, rules.kind_count, rules.line_count, rules.pressed],
+            [self.sums, self._totals, self._arrived, self.factors, length_factor],
+            # One thread of the CPU does all.
+            grain=elements,
         )
 
     def residual(self) -> float:

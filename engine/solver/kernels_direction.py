@@ -141,19 +141,12 @@ def add_products(
     )
 
 
-@wp.kernel
-def add_up(
-    first: int,
-    at_once: int,
-    # outputs
-    sums: wp.array3d(dtype=wp.int64),
-    totals: wp.array(dtype=wp.int64),
-):
-    """Add the slots of every sum, and empty them; an element takes ``at_once`` of every thread."""
-    i = first + wp.tid()
+@wp.func
+def add_up(element: int, at_once: int, sums: wp.array3d(dtype=wp.int64), totals: wp.array(dtype=wp.int64)):
+    """Add slots of a sum to its total, and empty them: an element has ``at_once`` of every thread."""
     elements = sums.shape[2] / at_once
-    kind = i / elements
-    start = i - kind * elements
+    kind = element / elements
+    start = element - kind * elements
     total = wp.int64(0)
     for thread in range(sums.shape[0]):
         for k in range(at_once):
@@ -161,6 +154,25 @@ def add_up(
             total += sums[thread, kind, start + k * elements]
             sums[thread, kind, start + k * elements] = wp.int64(0)
     wp.atomic_add(totals, kind, total)
+
+
+_ARRIVE = """
+#if defined(__CUDA_ARCH__)
+    // Whoever comes last sees what all others have written before they came.
+    __threadfence();
+    const int before = atomicAdd(arrived.data, 1);
+    __threadfence();
+    return before;
+#else
+    return arrived.data[0]++;
+#endif
+"""
+
+
+@wp.func_native(_ARRIVE)
+def arrive(arrived: wp.array(dtype=wp.int32)) -> int:
+    """How many threads came here before; on the CPU by one thread alone."""
+    ...
 
 
 @wp.func
@@ -201,13 +213,11 @@ def adapt_blocks(
         length_factor[kind_count + i] = adapted(length_factor[kind_count + i], ratio)
 
 
-@wp.kernel
-def decide_direction(
-    first: int,
+@wp.func
+def decide(
     kind_count: int,
     line_count: wp.array(dtype=float),
     pressed: wp.array(dtype=float),
-    # outputs
     totals: wp.array(dtype=wp.int64),
     direction: wp.array(dtype=float),
     length_factor: wp.array(dtype=float),
@@ -252,3 +262,25 @@ def decide_direction(
     for kind in range(totals.shape[0]):
         if kind != BROKEN:
             totals[kind] = wp.int64(0)
+
+
+@wp.kernel
+def decide_direction(
+    first: int,
+    element_count: int,
+    at_once: int,
+    kind_count: int,
+    line_count: wp.array(dtype=float),
+    pressed: wp.array(dtype=float),
+    # outputs
+    sums: wp.array3d(dtype=wp.int64),
+    totals: wp.array(dtype=wp.int64),
+    arrived: wp.array(dtype=wp.int32),
+    direction: wp.array(dtype=float),
+    length_factor: wp.array(dtype=float),
+):
+    """Add all sums up; the last one that has done so decides the direction."""
+    add_up(first + wp.tid(), at_once, sums, totals)
+    if arrive(arrived) == element_count - 1:
+        arrived[0] = 0
+        decide(kind_count, line_count, pressed, totals, direction, length_factor)

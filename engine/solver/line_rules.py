@@ -39,7 +39,6 @@ BLOCK = 6.0
 def numbers_for_kernels(launcher: Launcher, values: Sequence[float] | np.ndarray) -> wp.array:
     """Return numbers on the device, ``float``, for kernels to read; a single 0 where there are none."""
     if not len(values):
-        # Of dots there are none in any table.
         return launcher.shared("no numbers", lambda: launcher.own_array(np.zeros(1, np.float32), float))
     return launcher.array(np.array(values, np.float32), float)
 
@@ -87,6 +86,13 @@ class LineRules:
         problem = model.problem
         rules = [kind.line for kind in model.kinds]
         self.kind_count = len(rules)
+        if not rules:
+            # Nobody reads what lines are to do then.
+            self._directions, self._lengths, self.block_count = [], [], 0
+            self.lines = kernels_descent.Lines()
+            self.lines.length_factor = launcher.array(np.ones(1, np.float32), float)
+            self.line_count = self.pressed = numbers_for_kernels(launcher, [])
+            return
         made: dict[tuple[object, ...], np.ndarray] = {}
         self._directions = [_directions_of(kind, problem.rectangle, made) for kind in model.kinds]
         self._lengths = [np.atleast_2d(np.asarray(line.length, dtype=np.float32)) for line in rules]
@@ -106,11 +112,8 @@ class LineRules:
         lines.length_start, lines.length_height, lines.length_width = shape
         self.lines = lines
         # Those that are pinned keep their lengths.
-        count = np.zeros(0, np.int64)
-        if rules:
-            moving = model.body.kind[(model.body.flags & BodyFlags.PINNED) == 0]
-            count = np.bincount(moving + 1, minlength=self.kind_count + 1)[1:]
-        self.line_count = numbers_for_kernels(launcher, count)
+        moving = model.body.kind[(model.body.flags & BodyFlags.PINNED) == 0]
+        self.line_count = numbers_for_kernels(launcher, np.bincount(moving + 1, minlength=self.kind_count + 1)[1:])
         self.pressed = pressed_of(rules, launcher)
 
     def first_angle_and_length(self, position: np.ndarray, share: float = FIRST_LENGTH) -> np.ndarray:
@@ -213,7 +216,6 @@ def _directions_of(kind: LineKind, domain: Domain, made: dict[tuple[object, ...]
 def _joined(launcher: Launcher, images: list[np.ndarray], kind: type) -> tuple[wp.array, wp.array, wp.array, wp.array]:
     """Images one after the other on the device, each once: pixels, where each starts, heights and widths."""
     channels = (2,) if kind is wp.vec2 else ()
-    images = images or [np.zeros((1, 1, *channels), dtype=np.float32)]
     distinct = list({id(image): image for image in images}.values())
     pixels = np.concatenate([np.asarray(image, np.float32).reshape(-1, *channels) for image in distinct])
     ends = np.cumsum([image.shape[0] * image.shape[1] for image in distinct])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,8 +14,6 @@ __all__ = ["CellSort", "position_of"]
 
 # Fewer items are sorted by one thread at once: for them the passes of several would cost more than they save.
 FEW_ITEMS = 4096
-# Cells that a thread of a GPU counts.
-CELLS_OF_PART = 16
 # Buckets for every thread: enough that a full one keeps no thread waiting.
 BUCKETS_PER_THREAD = 8
 
@@ -44,6 +41,7 @@ class CellSort:
     Attributes:
         order: Items, cell after cell, ``wp.int32``, shape ``[count]`` or longer.
         cell_start: Place of the first item of every cell in ``order``, and at the end their number, shape ``[cell_count + 1]``.
+        counting: What a GPU counts spread items with; None elsewhere.
     """
 
     def __init__(self, launcher: Launcher, count: int, cell_count: int, *, spread: bool = False) -> None:
@@ -51,15 +49,16 @@ class CellSort:
         self._count = count
         self._cell_count = cell_count
         device = launcher.device
-        self._counting: kernels_cells.Counting | None = None
+        self.counting: kernels_cells.Counting | None = None
         # The radix sort wants room for a copy.
         room = 2 * count if device.is_cuda and not spread else count
         self._key = launcher.empty(room, wp.int32)
         self.order = launcher.empty(room, wp.int32)
+        if device.is_cuda and spread:
+            self.counting = self._room_for_counting()
+            return
         self.cell_start = launcher.empty(cell_count + 1, wp.int32)
         if device.is_cuda:
-            if spread:
-                self._counting = self._room_for_counting()
             return
         self._parts = 1 if count <= FEW_ITEMS else launcher.thread_count
         # Cells of a bucket, as a power of two.
@@ -85,8 +84,9 @@ class CellSort:
         n = self._count
         launch = self._launcher.launch
         launch(find_keys, n, inputs, [self._key, self.order])
-        if self._counting is not None:
-            self._sort_by_counting(self._counting)
+        if self.counting is not None:
+            elements = self.count(self.counting, kernels_cells.count_items, [])
+            launch(kernels_cells.order_items, elements, [n, self.cell_start], [self.counting, self.order])
             return
         if self._launcher.device.is_cuda:
             # No more bits than cells have: a pass takes eight of them.
@@ -121,18 +121,28 @@ class CellSort:
 
     def _room_for_counting(self) -> kernels_cells.Counting:
         launcher, counting = self._launcher, kernels_cells.Counting()
-        parts = -(-self._cell_count // CELLS_OF_PART)
-        # Whoever adds up groups, and then parts of one, has few of either.
-        counting.cells, counting.parts = CELLS_OF_PART, math.isqrt(parts) + 1
-        counting.key, counting.unordered = self._key, launcher.empty(self._count, wp.int32)
-        counting.in_cell, counting.in_part = launcher.zeros(self._cell_count, wp.int32), launcher.zeros(parts, wp.int32)
-        counting.in_group = launcher.zeros(-(-parts // counting.parts), wp.int32)
+        # Where the last cell ends is the start of one more.
+        blocks = self._cell_count // kernels_cells.CELLS_OF_BLOCK + 1
+        cells = blocks * kernels_cells.CELLS_OF_BLOCK
+        self.cell_start = launcher.empty(cells, wp.int32)[: self._cell_count + 1]
+        counting.key, counting.before = self._key, launcher.empty(self._count, wp.int32)
+        counting.last, counting.in_cell = launcher.empty(self._cell_count, wp.int32), launcher.zeros(cells, wp.int32)
+        counting.before_block, counting.taken = launcher.zeros(blocks, wp.int64), launcher.zeros(1, wp.int32)
         return counting
 
-    def _sort_by_counting(self, counting: kernels_cells.Counting) -> None:
-        n, parts, launch = self._count, len(counting.in_part), self._launcher.launch
-        launch(kernels_cells.count_items, n, [], [counting])
-        launch(kernels_cells.add_up_cells, parts, [], [counting])
-        launch(kernels_cells.place_cells, parts, [counting], [self.cell_start])
-        launch(kernels_cells.fill_cells, max(n, len(counting.in_group)), [self.cell_start], [counting])
-        launch(kernels_cells.order_cells, n, [counting, self.cell_start], [self.order])
+    def count(self, counting: kernels_cells.Counting, count_items: wp.Kernel, inputs: Sequence[Any]) -> int:
+        """Count all items, and find where cells start, for a kernel that then asks for :func:`.kernels_cells.place_in_order`.
+
+        Args:
+            counting: That of this sort.
+            count_items: Kernel that counts every item.
+            inputs: Its arguments before ``counting``.
+
+        Returns:
+            How many elements such a kernel has: items, and blocks of cells that it is to forget.
+        """
+        blocks = len(counting.before_block)
+        threads = blocks * kernels_cells.THREADS_OF_BLOCK
+        self._launcher.launch(count_items, self._count, inputs, [counting])
+        self._launcher.launch(kernels_cells.place_cells, threads, [], [counting, self.cell_start])
+        return max(self._count, blocks)

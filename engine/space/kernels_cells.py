@@ -192,21 +192,71 @@ def sort_buckets(
         cell_start[cell_count] = end
 
 
+# Cells that a thread of a GPU counts, as many as it reads at once, and threads of a block.
+CELLS_OF_THREAD, THREADS_OF_BLOCK = 4, 256
+CELLS_OF_BLOCK = wp.constant(CELLS_OF_THREAD * THREADS_OF_BLOCK)
+
+
 @wp.struct
 class Counting:
-    """What a sort by counting needs beside what it makes; all but ``key`` and ``unordered`` are zeros before it and after it.
+    """What a sort by counting needs beside what it makes.
 
-    ``in_cell`` is the number of items in every cell, ``in_part`` that in every ``cells`` of them, ``in_group`` that in every ``parts``
-    of these.
+    ``key`` is the cell of every item, ``in_cell`` the number of items in every cell. ``last`` is the item of a cell that was counted
+    last, and ``before`` the one before it: a list of as many as the cell has. ``before_block`` is what is known of the numbers in
+    blocks of cells, and ``taken`` how many of the blocks have begun. ``in_cell``, which has whole blocks, ``before_block`` and
+    ``taken`` are 0 before items are counted, and after all have found their places.
     """
 
     key: wp.array(dtype=wp.int32)
-    unordered: wp.array(dtype=wp.int32)
+    last: wp.array(dtype=wp.int32)
+    before: wp.array(dtype=wp.int32)
     in_cell: wp.array(dtype=wp.int32)
-    in_part: wp.array(dtype=wp.int32)
-    in_group: wp.array(dtype=wp.int32)
-    cells: wp.int32
-    parts: wp.int32
+    before_block: wp.array(dtype=wp.int64)
+    taken: wp.array(dtype=wp.int32)
+
+
+@wp.func
+def count_in_cell(item: int, cell: int, counting: Counting):
+    """Count an item."""
+    counting.key[item] = cell
+    counting.before[item] = wp.atomic_exch(counting.last, cell, item)
+    wp.atomic_add(counting.in_cell, cell, 1)
+
+
+@wp.func
+def place_in_order(item: int, counting: Counting, cell_start: wp.array(dtype=wp.int32)) -> int:
+    """The place of an item that was counted: in its cell behind those whose numbers are smaller."""
+    cell = counting.key[item]
+    start = cell_start[cell]
+    place = start
+    other = counting.last[cell]
+    for _ in range(cell_start[cell + 1] - start):
+        if other < item:
+            place += 1
+        other = counting.before[other]
+    return place
+
+
+@wp.func
+def forget_blocks(i: int, counting: Counting):
+    """Forget what is known of a block of cells, once all cells have been placed."""
+    if i < counting.before_block.shape[0]:
+        counting.before_block[i] = wp.int64(0)
+    if i == 0:
+        counting.taken[0] = 0
+
+
+@wp.kernel
+def count_charges(
+    first: int,
+    position: wp.array(dtype=wp.vec2),
+    grid: CellGrid,
+    # outputs
+    counting: Counting,
+):
+    """Count a charge in its cell."""
+    i = first + wp.tid()
+    count_in_cell(i, cell_of(position[i], grid), counting)
 
 
 @wp.kernel
@@ -215,79 +265,115 @@ def count_items(
     # outputs
     counting: Counting,
 ):
-    """Count an item in its cell."""
+    """Count an item in the cell that its key says."""
     i = first + wp.tid()
-    wp.atomic_add(counting.in_cell, counting.key[i], 1)
+    count_in_cell(i, counting.key[i], counting)
 
 
-@wp.kernel
-def add_up_cells(
-    first: int,
-    # outputs
-    counting: Counting,
-):
-    """Count what is in a part, and add it to its group; an element is a part."""
-    part = first + wp.tid()
-    count = int(0)
-    for c in range(part * counting.cells, wp.min((part + 1) * counting.cells, counting.in_cell.shape[0])):
-        count += counting.in_cell[c]
-    counting.in_part[part] = count
-    if count > 0:
-        wp.atomic_add(counting.in_group, part / counting.parts, count)
+# A scan in a single pass, with a look back (Merrill and Garland, 2016). A block says how many items it has as soon as it knows, and
+# how many there are up to its end once it knows that of a block before it; the upper half of an integer says which of these it is.
+_PLACE = f"""
+#if defined(__CUDA_ARCH__)
+    constexpr int THREADS = {THREADS_OF_BLOCK}, WARPS = THREADS / 32;
+    constexpr unsigned int ALL = 0xffffffffu;
+    __shared__ int block_of_all, of_warps[WARPS], before_all;
+    const int thread = threadIdx.x, lane = thread % 32, warp = thread / 32;
+    // Blocks are numbered as they begin, so that those before one have begun.
+    if (thread == 0) block_of_all = atomicAdd(counting.taken.data, 1);
+    __syncthreads();
+    const int block = block_of_all, own_cells = block * THREADS + thread;
+    int4& numbers = ((int4*)counting.in_cell.data)[own_cells];
+    const int4 own = numbers;
+    numbers = make_int4(0, 0, 0, 0);
+    const int total = own.x + own.y + own.z + own.w;
+    int up_to = total;
+    #pragma unroll
+    for (int apart = 1; apart < 32; apart *= 2)
+    {{
+        const int other = __shfl_up_sync(ALL, up_to, apart);
+        if (lane >= apart) up_to += other;
+    }}
+    if (lane == 31) of_warps[warp] = up_to;
+    __syncthreads();
+    int start = up_to - total, in_block = 0;
+    for (int w = 0; w < WARPS; ++w)
+    {{
+        if (w < warp) start += of_warps[w];
+        in_block += of_warps[w];
+    }}
+    volatile long long* known = (volatile long long*)counting.before_block.data;
+    constexpr long long OWN_ONLY = 1ll << 32, UP_TO_END = 2ll << 32;
+    if (warp == 0)
+    {{
+        if (lane == 0) known[block] = (block == 0 ? UP_TO_END : OWN_ONLY) + in_block;
+        int before = 0;
+        for (int next = block - 1; next >= 0; next -= 32)
+        {{
+            long long there = UP_TO_END;
+            if (next - lane >= 0)
+                do there = known[next - lane];
+                while (there == 0);
+            const unsigned int ends = __ballot_sync(ALL, there >= UP_TO_END);
+            // From the nearest block on that knows all before it there is nothing to add.
+            const int nearest = ends != 0 ? __ffs(ends) - 1 : 31;
+            int amount = lane <= nearest ? (int)(there & 0xffffffffll) : 0;
+            #pragma unroll
+            for (int apart = 16; apart > 0; apart /= 2) amount += __shfl_xor_sync(ALL, amount, apart);
+            before += amount;
+            if (ends != 0) break;
+        }}
+        if (lane == 0)
+        {{
+            if (block > 0) known[block] = UP_TO_END + before + in_block;
+            before_all = before;
+        }}
+    }}
+    __syncthreads();
+    start += before_all;
+    ((int4*)cell_start.data)[own_cells] = make_int4(start, start + own.x, start + own.x + own.y, start + total - own.w);
+#else
+    // One thread does all.
+    if (element > 0) return;
+    int start = 0;
+    for (int c = 0; c < counting.in_cell.shape[0]; ++c)
+    {{
+        cell_start.data[c] = start;
+        start += counting.in_cell.data[c];
+        counting.in_cell.data[c] = 0;
+    }}
+#endif
+"""
+
+
+@wp.func_native(_PLACE)
+def place(element: int, counting: Counting, cell_start: wp.array(dtype=wp.int32)): ...
 
 
 @wp.kernel
 def place_cells(
     first: int,
-    counting: Counting,
     # outputs
+    counting: Counting,
     cell_start: wp.array(dtype=wp.int32),
 ):
-    """Find where the cells of a part start; an element is a part. The last one also says where the last cell ends."""
-    part = first + wp.tid()
-    group = part / counting.parts
-    start = int(0)
-    for g in range(group):
-        start += counting.in_group[g]
-    for p in range(group * counting.parts, part):
-        start += counting.in_part[p]
-    end = wp.min((part + 1) * counting.cells, counting.in_cell.shape[0])
-    for c in range(part * counting.cells, end):
-        cell_start[c] = start
-        start += counting.in_cell[c]
-    if end == counting.in_cell.shape[0]:
-        cell_start[end] = start
+    """Find where cells start, and the last one ends, and empty them; whole blocks of threads, that have ``CELLS_OF_BLOCK`` cells each.
+
+    The blocks go one cell farther than the last one, and ``cell_start`` has room for whole ones.
+    """
+    place(first + wp.tid(), counting, cell_start)
 
 
 @wp.kernel
-def fill_cells(
+def order_items(
     first: int,
+    count: int,
     cell_start: wp.array(dtype=wp.int32),
     # outputs
     counting: Counting,
-):
-    """Put an item anywhere into its cell, and empty a group; there may be more of either."""
-    i = first + wp.tid()
-    if i < counting.in_group.shape[0]:
-        counting.in_group[i] = 0
-    if i < counting.unordered.shape[0]:
-        cell = counting.key[i]
-        counting.unordered[cell_start[cell] + wp.atomic_sub(counting.in_cell, cell, 1) - 1] = i
-
-
-@wp.kernel
-def order_cells(
-    first: int,
-    counting: Counting,
-    cell_start: wp.array(dtype=wp.int32),
-    # outputs
     order: wp.array(dtype=wp.int32),
 ):
-    """Put an item to its place in its cell: behind those whose numbers are smaller."""
-    item = counting.unordered[first + wp.tid()]
-    cell = counting.key[item]
-    place = cell_start[cell]
-    for s in range(cell_start[cell], cell_start[cell + 1]):
-        if counting.unordered[s] < item:
-            place += 1
-    order[place] = item
+    """Put an item to its place, and forget about a block of cells; there may be more of either."""
+    i = first + wp.tid()
+    forget_blocks(i, counting)
+    if i < count:
+        order[place_in_order(i, counting, cell_start)] = i
