@@ -23,7 +23,7 @@ from .carried_over import CarriedInPlane
 from .kernels_edit import Fate
 from .model import Model
 from .places_in_support import move_poses_into_support
-from .size_edit import SizeEdit, compare_size, list_bodies
+from .size_edit import Rows, SizeEdit, compare_size, list_bodies
 
 __all__ = ["carry_over"]
 
@@ -108,9 +108,9 @@ class _Edit:
         begin_before = {name: rows for name, *rows in _ranges(old)}
         sizes = []
         for (class_name, size_name), c, begin, end in _ranges(model):
-            rows = np.arange(begin, end, dtype=np.int32)
+            rows: Rows = range(begin, end)
             if model.has_fixed:
-                rows = rows[~model.fixed[begin:end]]
+                rows = begin + np.flatnonzero(~model.fixed[begin:end]).astype(np.int32)
             k, first, last = begin_before.get((class_name, size_name), (-1, 0, 0))
             in_size = compare_size(
                 self._launcher, model, c, rows, old, k, slice(first, last), self._used, self._pose_before, self._fate
@@ -139,7 +139,7 @@ class _Edit:
             launcher.launch(kernels_edit.find_rows, len(placed), [body, self._row_of], [row])
             self._changes += [self._places(body), self._put_down(row, points[1] / model.unit)]
         self._changes.append(self._put_down(new_rows, points[2] / model.unit))
-        self._new.append(new_rows)
+        self._new.append(np.asarray(new_rows, np.int32))
 
     def result(self, first_identity: int) -> CarriedInPlane:
         """What has come of it; new bodies that are not fixed have ``first_identity`` and the following ones."""
@@ -166,28 +166,33 @@ class _Edit:
         self._launcher.launch(kernels_edit.read_places, len(body), [body, self._pose_before, scale], [point])
         return point
 
-    def _seat(self, body: wp.array | np.ndarray, rows: np.ndarray) -> None:
+    def _seat(self, body: wp.array | np.ndarray, rows: Rows) -> None:
         """Let old bodies have these rows, and be where they were."""
         launcher = self._launcher
         if isinstance(body, np.ndarray):
             body = launcher.array(body, wp.int32)
-        row = launcher.array(rows.astype(np.int32, copy=False), wp.int32)
         ratio, size = self._old.unit / self._model.unit, wp.vec2(*self._model.size)
         launcher.launch(
             kernels_edit.take_seats,
             len(rows),
-            [body, row, self._pose_before, ratio, size],
+            [body, *self._rows_for_kernels(rows), self._pose_before, ratio, size],
             [self._pose, self._source, self._row_of],
         )
 
-    def _put_down(self, rows: wp.array | np.ndarray, points: np.ndarray) -> wp.array:
+    def _put_down(self, rows: wp.array | Rows, points: np.ndarray) -> wp.array:
         """Put the bodies of rows to points in the new model's unit; return these, ``wp.vec2``."""
         launcher = self._launcher
-        if isinstance(rows, np.ndarray):
-            rows = launcher.array(rows.astype(np.int32, copy=False), wp.int32)
         point = launcher.array(np.clip(points, 0.0, self._model.size).astype(np.float32), wp.vec2)
-        launcher.launch(kernels_edit.put_down, len(rows), [rows, point], [self._pose])
+        launcher.launch(kernels_edit.put_down, len(rows), [*self._rows_for_kernels(rows), point], [self._pose])
         return point
+
+    def _rows_for_kernels(self, rows: wp.array | Rows) -> tuple[int, wp.array]:
+        """The first of rows that follow each other, or all of them."""
+        if isinstance(rows, range):
+            return rows.start, self._launcher.empty(0, wp.int32)
+        if isinstance(rows, np.ndarray):
+            rows = self._launcher.array(rows.astype(np.int32, copy=False), wp.int32)
+        return 0, rows
 
 
 def _ranges(model: Model) -> list[tuple[tuple[str, str], int, int, int]]:
@@ -201,11 +206,12 @@ def _ranges(model: Model) -> list[tuple[tuple[str, str], int, int, int]]:
     return result
 
 
-def _seats(rows: np.ndarray, staying: int, area: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _seats(rows: Rows, staying: int, area: np.ndarray) -> tuple[Rows, Rows]:
     """Which rows of a size stay with those that are there, and which are new ones': evenly among its areas, smallest first."""
     if is_same(area):
         return rows[:staying], rows[staying:]
-    by_area = rows[np.argsort(area[rows], kind="stable")]
+    listed = np.asarray(rows, np.int32)
+    by_area = listed[np.argsort(area[listed], kind="stable")]
     new = len(rows) - staying
     if area[by_area[0]] == area[by_area[-1]] if len(rows) else True:
         return rows[:staying], rows[staying:]

@@ -214,10 +214,17 @@ def decide_fates(
     fate[body[first + wp.tid()]] = decided
 
 
+@wp.func
+def row_at(k: int, first_row: int, row: wp.array(dtype=wp.int32)) -> int:
+    """The k-th of some rows: those from the first one on where they are not listed."""
+    return row[k] if row.shape[0] > 0 else first_row + k
+
+
 @wp.kernel
 def take_seats(
     first: int,
     body: wp.array(dtype=wp.int32),
+    first_row: int,
     row: wp.array(dtype=wp.int32),
     pose_before: wp.array(dtype=wp.vec4),
     unit_ratio: float,
@@ -230,7 +237,7 @@ def take_seats(
     """Give bodies that stay rows in the new model, where they are what they were, in its unit, and within its size."""
     k = first + wp.tid()
     old = body[k]
-    new = row[k]
+    new = row_at(k, first_row, row)
     at = pose_before[old]
     x = wp.clamp(at[0] * unit_ratio, 0.0, size[0])
     y = wp.clamp(at[1] * unit_ratio, 0.0, size[1])
@@ -255,6 +262,7 @@ def find_rows(
 @wp.kernel
 def put_down(
     first: int,
+    first_row: int,
     row: wp.array(dtype=wp.int32),
     point: wp.array(dtype=wp.vec2),
     # outputs
@@ -262,7 +270,7 @@ def put_down(
 ):
     """Put the bodies of some rows to points."""
     k = first + wp.tid()
-    pose[row[k]] = wp.vec4(point[k][0], point[k][1], 0.0, 0.0)
+    pose[row_at(k, first_row, row)] = wp.vec4(point[k][0], point[k][1], 0.0, 0.0)
 
 
 @wp.kernel

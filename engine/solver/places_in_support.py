@@ -50,4 +50,4 @@ def move_poses_into_support(launcher: Launcher, model: Model, pose: wp.array) ->
         own = support == k
         position[own] = move_into_support(model.supports[k], position[own], model.problem.rectangle.size)
     moved = launcher.array((position / model.unit).astype(np.float32), wp.vec2)
-    launcher.launch(kernels_edit.put_down, len(outside), [outside, moved], [pose])
+    launcher.launch(kernels_edit.put_down, len(outside), [0, outside, moved], [pose])

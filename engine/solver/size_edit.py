@@ -19,7 +19,10 @@ from .kernels_edit import Density, Fate, Total
 from .model import Model
 from .nearest_free import nearest_free
 
-__all__ = ["SizeEdit", "compare_size", "list_bodies"]
+__all__ = ["Rows", "SizeEdit", "compare_size", "list_bodies"]
+
+# Indices of bodies: int32, or a range where they follow each other, which need not be listed.
+Rows = np.ndarray | range
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +39,7 @@ class SizeEdit:
         survivors: How many are to stay where most go.
     """
 
-    rows: np.ndarray
+    rows: Rows
     pool: slice
     pool_count: int
     asked: kernels_edit.Asked
@@ -106,7 +109,7 @@ def compare_size(
     launcher: Launcher,
     model: Model,
     class_index: int,
-    rows: np.ndarray,
+    rows: Rows,
     old: Model,
     old_index: int,
     pool: slice,
