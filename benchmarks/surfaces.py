@@ -1,7 +1,7 @@
 """How even bodies on surfaces are, and how long it takes, as Markdown tables; measured by SciPy on the meshes themselves.
 
 python benchmarks/surfaces.py
-python benchmarks/surfaces.py --only torus rock
+python benchmarks/surfaces.py --only torus rock --seeds 4
 python benchmarks/surfaces.py --times 100000 1000000
 """
 
@@ -41,58 +41,85 @@ def suzanne(levels: int) -> tuple[np.ndarray, np.ndarray] | None:
     return vertices, np.array([triangle.vertices[:] for triangle in mesh.loop_triangles])
 
 
+# Coverage errors, spacings (smallest and mean) where they are of interest, and the placement that has them.
+Measured = tuple[np.ndarray, tuple[float, float] | None, esh.Placement]
+
+
 def placed(parts: list, classes: list, device: str, **settings: object) -> esh.Placement:
     surface = esh.Surface([esh.SurfaceMesh(*part) for part in parts])
     return esh.solve(esh.Problem(surface, classes, **settings), device=device)
 
 
-def row(name: str, errors: np.ndarray, spacings: tuple[float, float] | None, placement: esh.Placement) -> None:
-    assert placement.report is not None
-    shown = " / ".join(f"{error:.4f}" for error in errors)
-    apart = "-" if spacings is None else f"{spacings[0]:.2f} / {spacings[1]:.2f}"
-    print(f"| {name} | {shown} | {apart} | {placement.report.steps} | {placement.report.seconds:.1f} |", flush=True)
+def row(name: str, measured: list[Measured]) -> None:
+    """Print the means of what was measured with several seeds."""
+    reports = [placement.report for _, _, placement in measured]
+    shown = " / ".join(f"{error:.4f}" for error in np.mean([errors for errors, _, _ in measured], axis=0))
+    spacings = [apart for _, apart, _ in measured if apart is not None]
+    apart = "{:.2f} / {:.2f}".format(*np.mean(spacings, axis=0)) if spacings else "-"
+    seconds = np.mean([report.seconds for report in reports])
+    print(f"| {name} | {shown} | {apart} | {max(report.steps for report in reports)} | {seconds:.1f} |", flush=True)
 
 
-def one_class(name: str, parts: list, whole: tuple, density: Density, device: str) -> None:
+def one_class(name: str, parts: list, whole: tuple, density: Density, device: str, seeds: int) -> None:
     """A class of one size, on a mesh or on several that are measured as one."""
     varied = 1.0 if density is uniform else lambda points: density(points.position)
-    placement = placed(parts, [esh.BodyClass("a", [esh.Size("s", 1e-6, COUNT)], varied)], device)
     metric = SurfaceMetric(*whole, COUNT)
     mean = (metric.areas @ density(metric.vertices[metric.faces].mean(axis=1))) / metric.area
-    number = COUNT / metric.area * density(placement.position) / mean
-    part = parts_of(parts[0][1])[placement.triangle] if len(parts) == 1 else None
-    apart = spacing(placement.position, placement.normal, number, part)
-    row(name, metric.coverage(placement.position, density, KS), None if density is meshes.checker else apart, placement)
+    measured: list[Measured] = []
+    for seed in range(seeds):
+        classes = [esh.BodyClass("a", [esh.Size("s", 1e-6, COUNT)], varied)]
+        placement = placed(parts, classes, device, seed=seed)
+        number = COUNT / metric.area * density(placement.position) / mean
+        part = parts_of(parts[0][1])[placement.triangle] if len(parts) == 1 else None
+        apart = None
+        if density is not meshes.checker:
+            apart = spacing(placement.position, placement.normal, number, part)
+        measured.append((metric.coverage(placement.position, density, KS), apart, placement))
+    row(name, measured)
 
 
-def two_classes(device: str) -> None:
-    classes = [esh.BodyClass(name, [esh.Size("s", 1e-6, COUNT // 2)]) for name in "ab"]
-    placement = placed([meshes.torus()], classes, device, balance=esh.Balance(0.5))
+def two_classes(device: str, seeds: int) -> None:
     metric = SurfaceMetric(*meshes.torus(), COUNT)
-    apart = spacing(placement.position, placement.normal, COUNT / metric.area)
-    row("torus, two classes: union", metric.coverage(placement.position, uniform, KS), apart, placement)
-    own = placement.position[placement.class_index == 0]
-    row("torus, two classes: class", metric.coverage(own, uniform, KS), None, placement)
+    together: list[Measured] = []
+    alone: list[Measured] = []
+    for seed in range(seeds):
+        classes = [esh.BodyClass(name, [esh.Size("s", 1e-6, COUNT // 2)]) for name in "ab"]
+        placement = placed([meshes.torus()], classes, device, balance=esh.Balance(0.5), seed=seed)
+        apart = spacing(placement.position, placement.normal, COUNT / metric.area)
+        together.append((metric.coverage(placement.position, uniform, KS), apart, placement))
+        own = placement.position[placement.class_index == 0]
+        alone.append((metric.coverage(own, uniform, KS), None, placement))
+    row("torus, two classes: union", together)
+    row("torus, two classes: class", alone)
 
 
-def rare_classes(device: str) -> None:
-    classes = [esh.BodyClass(str(count), [esh.Size("s", 1e-6, count)]) for count in (4000, 400, 40)]
-    placement = placed([meshes.rock()], classes, device)
-    own = placement.class_index == 2
-    metric = SurfaceMetric(*meshes.rock(), 400)
-    apart = spacing(placement.position[own], placement.normal[own], 40 / metric.area)
-    row("rock, 4,000 / 400 / 40: the 40", metric.coverage(placement.position[own], uniform, KS), apart, placement)
+def rare_classes(device: str, seeds: int) -> None:
+    whole, metric = SurfaceMetric(*meshes.rock(), 4440), SurfaceMetric(*meshes.rock(), 400)
+    together: list[Measured] = []
+    alone: list[Measured] = []
+    for seed in range(seeds):
+        classes = [esh.BodyClass(str(count), [esh.Size("s", 1e-6, count)]) for count in (4000, 400, 40)]
+        placement = placed([meshes.rock()], classes, device, seed=seed)
+        apart = spacing(placement.position, placement.normal, len(placement.position) / whole.area)
+        together.append((whole.coverage(placement.position, uniform, KS), apart, placement))
+        own = placement.class_index == 2
+        apart = spacing(placement.position[own], placement.normal[own], 40 / metric.area)
+        alone.append((metric.coverage(placement.position[own], uniform, KS), apart, placement))
+    row("rock, 4,000 / 400 / 40: all", together)
+    row("rock, 4,000 / 400 / 40: the 40", alone)
 
 
-def discs(device: str) -> None:
+def discs(device: str, seeds: int) -> None:
     area, count = 4.0 * np.pi, np.array([800, 400, 200])
     size = np.array([1.0, 2.0, 5.0])
     size *= 0.6 * area / (size * count).sum()
     sizes = [esh.Size(str(k), float(size[k]), int(count[k])) for k in range(3)]
-    placement = placed([meshes.sphere()], [esh.BodyClass("a", sizes)], device, avoid_overlap=True)
-    direction = placement.position / np.linalg.norm(placement.position, axis=1, keepdims=True)
-    apart = np.arccos(np.clip(direction @ direction.T, -1.0, 1.0)) + 9.0 * np.eye(len(direction))
-    nearest = (apart / (placement.radius[:, None] + placement.radius)).min()
+    nearest = np.inf
+    for seed in range(seeds):
+        placement = placed([meshes.sphere()], [esh.BodyClass("a", sizes)], device, avoid_overlap=True, seed=seed)
+        direction = placement.position / np.linalg.norm(placement.position, axis=1, keepdims=True)
+        apart = np.arccos(np.clip(direction @ direction.T, -1.0, 1.0)) + 9.0 * np.eye(len(direction))
+        nearest = min(nearest, (apart / (placement.radius[:, None] + placement.radius)).min())
     print(f"\nSphere, discs of three sizes, 60 % cover: the nearest two are {nearest:.4f} of touching apart.")
 
 
@@ -121,6 +148,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--only", nargs="*", help="words, one of which the names of the cases hold")
+    parser.add_argument("--seeds", type=int, default=1, help="of how many runs the means are printed")
     parser.add_argument("--times", nargs="*", type=int, help="measure times for so many bodies instead")
     options = parser.parse_args()
     if options.times is not None:
@@ -149,13 +177,13 @@ def main() -> None:
         mesh = make() if chosen(f"{name}, {kind}") else None
         if mesh is not None:
             density = {"uniform": uniform, "checker": meshes.checker, "gradient": meshes.gradient(mesh[0])}[kind]
-            one_class(f"{name}, {kind}", [mesh], mesh, density, options.device)
+            one_class(f"{name}, {kind}", [mesh], mesh, density, options.device, options.seeds)
     if chosen("two meshes"):
         parts = [meshes.square(64, (0.0, 0.5)), meshes.square(37, (0.5, 1.0))]
-        one_class("two meshes, other triangles", parts, meshes.square(), uniform, options.device)
+        one_class("two meshes, other triangles", parts, meshes.square(), uniform, options.device, options.seeds)
     for name, run in (("two classes", two_classes), ("rare classes", rare_classes), ("discs", discs)):
         if chosen(name):
-            run(options.device)
+            run(options.device, options.seeds)
 
 
 if __name__ == "__main__":
