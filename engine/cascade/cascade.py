@@ -9,6 +9,10 @@ keep a distance, by weights that are exact for linear functions; from these to h
 all the way back. There is no mesh whose quality would matter, and the work is in proportion to the number of charges (Hardy and
 others, Multilevel summation, 2015).
 
+Parts of a surface that stand on one another, as a box on the ground, see each other in the octaves below l = 0 only. That is what
+keeps bodies apart. In wide ones many things that stand on one ground, and do not see each other, would draw to it what they see of
+it, and the energy would have no least value.
+
 Units: the solver's length unit is the spacing that the average body sees, its charge unit the mean charge.
 """
 
@@ -236,7 +240,10 @@ class Cascade:
         self.home = self._homes(tiles, is_full, (parts.tile[0], sources), on_surface, place)
         self._weights = _weights_of(launcher, nodes, width, length)
         cutoff = NEAR_REACH / math.sqrt(2.0) * length
-        pairs = runs_of(launcher, lists_of(launcher, nodes, nodes, cutoff + 2.0 * NODE_DISTANCE * length, LEAST_COSINE))
+        numbers, relations = facets.relations.behind(np.zeros(1), int(facets.label.max()) + 1, length)
+        self._related = launcher.array(numbers, wp.int32), relations
+        reach = cutoff + 2.0 * NODE_DISTANCE * length
+        pairs = runs_of(launcher, lists_of(launcher, nodes, nodes, reach, LEAST_COSINE, self._related), nodes)
         self._nearby = kernels_cascade.NearPart()
         self._nearby.start, self._nearby.near, self._nearby.cutoff = pairs.start, pairs.entry, cutoff
         self._nearby.interaction = self._interaction
@@ -448,7 +455,8 @@ class Cascade:
         sources, source_count = self._sources(facets, parts, columns, table.cutoff, of_target)
         force = launcher.empty(len(shares) * columns * len(first), wp.vec3)
         for number, share in enumerate(shares.tolist()):
-            inputs = [corners, sources, columns, source_count, table, variance, share, number * columns * len(first)]
+            place = number * columns * len(first)
+            inputs = [corners, sources, *self._related, columns, source_count, table, variance, share, place]
             launcher.launch(kernels_cascade.near_target, len(first), inputs, [force], grain=GRAIN_OF_NEIGHBORS)
         everywhere = launcher.empty(len(shares) * columns * count, wp.vec3)
         launcher.launch(
@@ -637,7 +645,7 @@ def _room_for_sorted(launcher: Launcher, count: int) -> kernels_cascade.SortedCh
 
 def _weights_of(launcher: Launcher, nodes: Points, width: float, length: float) -> kernels_cascade.Weights:
     """What points are shared out among: nodes of a level of a length, by weights of a width."""
-    near = runs_of(launcher, lists_of(launcher, nodes, nodes, WEIGHT_REACH * width + HOME_DISTANCE * length))
+    near = runs_of(launcher, lists_of(launcher, nodes, nodes, WEIGHT_REACH * width + HOME_DISTANCE * length), nodes)
     weights = kernels_cascade.Weights()
     weights.nodes, weights.start, weights.near, weights.width = nodes, near.start, near.entry, width
     count = len(nodes.position)

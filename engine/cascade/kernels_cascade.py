@@ -445,6 +445,26 @@ def sum_near(
     const float* variance = up_z + (column_count + 1) * count;
     const float* entries = table.data + table_first;
     const int last = table_size - 2;
+    // Labels that the own one has to do with, and whether another one is among them: it is looked for where there are fewer.
+    const int* related_start = related.data + relations;
+    const bool is_related = relations > 0 && related_start[label] < related_start[label + 1];
+    auto is_among = [&](int number, int of) -> bool
+    {{
+        int low = related_start[of], high = related_start[of + 1];
+        const int behind = high;
+        while (low < high)
+        {{
+            const int middle = (low + high) / 2;
+            if (related.data[middle] < number) low = middle + 1;
+            else high = middle;
+        }}
+        return low < behind && related.data[low] == number;
+    }};
+    auto count_of = [&](int of) -> int {{ return related_start[of + 1] - related_start[of]; }};
+    auto sees = [&](int other) -> bool
+    {{
+        return other == label || (count_of(other) < count_of(label) ? is_among(label, other) : is_among(other, label));
+    }};
     V to_x = (V)0.0f, to_y = (V)0.0f, to_z = (V)0.0f;
     for (int j = begin; j < end; j += lanes)
     {{
@@ -460,7 +480,17 @@ def sum_near(
         V force = low + (at - real(cell)) * (get(entries, cell + 1) - low);
         if (blurs) force -= fading(0.5f * square / (load(variance + j) + own_variance));
         V strength = load(charge + j) * (0.5f + 0.5f * cosine) * force / most(square, (V)1e-12f);
-        strength = ((square < square_cutoff) & (numbers(labels.data + j) == label) & (j + lane < end)) ? strength : (V)0.0f;
+        auto seen = (square < square_cutoff) & (numbers(labels.data + j) == label) & (j + lane < end);
+        if (is_related)
+        {{
+#if defined(__CUDA_ARCH__)
+            seen = square < square_cutoff && sees(labels.data[j]);
+#else
+            for (int l = 0; l < lanes && j + l < end; ++l)
+                if (square[l] < square_cutoff && sees(labels.data[j + l])) seen[l] = -1;
+#endif
+        }}
+        strength = seen ? strength : (V)0.0f;
         to_x += strength * dx;
         to_y += strength * dy;
         to_z += strength * dz;
@@ -471,6 +501,8 @@ def pull_of_sources(
     position: wp.vec3,
     normal: wp.vec3,
     label: int,
+    related: wp.array(dtype=wp.int32),
+    relations: int,
     begin: int,
     end: int,
     labels: wp.array(dtype=wp.int32),
@@ -921,6 +953,8 @@ def near_target(
     first: int,
     corners: Points,
     sources: Sources,
+    related: wp.array(dtype=wp.int32),
+    relations: int,
     column_count: int,
     source_count: int,
     table: NearTable,
@@ -956,6 +990,8 @@ def near_target(
                     corners.position[i],
                     corners.normal[i],
                     corners.label[i],
+                    related,
+                    relations,
                     grid.start[slot],
                     grid.start[slot + 1],
                     sources.label,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..surface.kernels_relations import see_each_other
+
 wp.set_module_options({"enable_backward": False})
 
 SEED = wp.constant(1)
@@ -291,10 +293,19 @@ def average_normals(
 
 
 @wp.func
-def sees(i: int, j: int, points: Points, others: Points, square_reach: float, least_cosine: float):
+def sees(
+    i: int,
+    j: int,
+    points: Points,
+    others: Points,
+    related: wp.array(dtype=wp.int32),
+    relations: int,
+    square_reach: float,
+    least_cosine: float,
+):
     return (
         wp.length_sq(others.position[j] - points.position[i]) < square_reach
-        and others.label[j] == points.label[i]
+        and see_each_other(points.label[i], others.label[j], related, relations)
         and wp.dot(points.normal[i], others.normal[j]) > least_cosine
     )
 
@@ -305,13 +316,15 @@ def sees_in_cell(
     j: int,
     points: Points,
     others: Points,
+    related: wp.array(dtype=wp.int32),
+    relations: int,
     square_reach: float,
     least_cosine: float,
     cell: wp.vec3i,
     grid: PointGrid,
 ):
     """The same, of another point that lies in a cell: others may share its slot."""
-    if sees(i, j, points, others, square_reach, least_cosine):
+    if sees(i, j, points, others, related, relations, square_reach, least_cosine):
         return same_cell(cell_at(others.position[j], grid.inverse_size), cell)
     return False
 
@@ -322,6 +335,8 @@ def list_near(
     points: Points,
     others: Points,
     grid: PointGrid,
+    related: wp.array(dtype=wp.int32),
+    relations: int,
     reach: float,
     least_cosine: float,
     start: wp.array(dtype=wp.int32),
@@ -329,7 +344,7 @@ def list_near(
     near: wp.array(dtype=wp.int32),
     count: wp.array(dtype=wp.int32),
 ):
-    """List the other points within ``reach`` of each, on the same part and looking into like directions; cells are as large.
+    """List the other points within ``reach`` of each that it sees, and that look into like directions; cells are as large.
 
     Those of a point are listed from its ``start`` on, as far as there is room, and all are counted.
     """
@@ -342,7 +357,7 @@ def list_near(
         slot = slot_of(around, grid.mask)
         for s in range(grid.start[slot], grid.start[slot + 1]):
             j = grid.order[s]
-            if sees_in_cell(i, j, points, others, reach * reach, least_cosine, around, grid):
+            if sees_in_cell(i, j, points, others, related, relations, reach * reach, least_cosine, around, grid):
                 if at < end:
                     near[at] = j
                 at += 1
@@ -378,23 +393,31 @@ def close_up(
 def put_in_order(begin: int, end: int, entry: wp.array(dtype=wp.int32)): ...
 
 
+@wp.func
+def ends_run(k: int, entry: wp.array(dtype=wp.int32), label: wp.array(dtype=wp.int32), most_between: int):
+    """Whether a run ends before an entry: what lies between two parts may be another one."""
+    before = entry[k - 1]
+    return entry[k] - before - 1 > most_between or (entry[k] > before + 1 and label[entry[k]] != label[before])
+
+
 @wp.kernel
 def count_runs(
     first: int,
     start: wp.array(dtype=wp.int32),
+    label: wp.array(dtype=wp.int32),
     most_between: int,
     # outputs
     entry: wp.array(dtype=wp.int32),
     count: wp.array(dtype=wp.int32),
 ):
-    """Put the numbers of every list in order, and count the runs in it: so many that lie between two do not end a run."""
+    """Put the numbers of every list in order, and count the runs in it: so many of one part that lie between two do not end a run."""
     i = first + wp.tid()
     put_in_order(start[i], start[i + 1], entry)
     found = int(0)
     for k in range(start[i], start[i + 1]):
         if k == start[i]:
             found = 1
-        elif entry[k] - entry[k - 1] - 1 > most_between:
+        elif ends_run(k, entry, label, most_between):
             found += 1
     count[i] = found
 
@@ -403,6 +426,7 @@ def count_runs(
 def list_runs(
     first: int,
     start: wp.array(dtype=wp.int32),
+    label: wp.array(dtype=wp.int32),
     most_between: int,
     entry: wp.array(dtype=wp.int32),
     run_start: wp.array(dtype=wp.int32),
@@ -415,7 +439,7 @@ def list_runs(
     for k in range(start[i], start[i + 1]):
         if k == start[i]:
             run[at] = wp.vec2i(entry[k], entry[k] + 1)
-        elif entry[k] - entry[k - 1] - 1 > most_between:
+        elif ends_run(k, entry, label, most_between):
             at += 1
             run[at] = wp.vec2i(entry[k], entry[k] + 1)
         else:

@@ -205,10 +205,15 @@ def lists_of(
     others: kernels_points.Points,
     reach: float,
     least_cosine: float = -2.0,
+    related: tuple[wp.array, int] | None = None,
 ) -> Lists:
-    """The ``others`` within ``reach`` of every point."""
+    """The ``others`` within ``reach`` of every point, on its part.
+
+    And on those that have to do with it, by an array and where in it that begins; see :mod:`esh.engine.surface.kernels_relations`.
+    """
     n = len(points.position)
-    inputs = [points, others, grid_of(launcher, others.position, reach), reach, least_cosine]
+    numbers, relations = (launcher.zeros(1, wp.int32), 0) if related is None else related
+    inputs = [points, others, grid_of(launcher, others.position, reach), numbers, relations, reach, least_cosine]
     count = launcher.empty(n, wp.int32)
 
     def fill(start: wp.array, entry: wp.array) -> None:
@@ -225,16 +230,20 @@ def lists_of(
     return Lists(start, entry)
 
 
-def runs_of(launcher: Launcher, lists: Lists) -> Lists:
-    """Lists of numbers as runs of them; with a few more numbers, so that the CPU, which takes several at once, has fewer runs."""
+def runs_of(launcher: Launcher, lists: Lists, others: kernels_points.Points) -> Lists:
+    """Lists of numbers of ``others`` as runs of them; with a few more, so that the CPU, which takes several at once, has fewer."""
     between = 0 if launcher.device.is_cuda else MOST_BETWEEN
     n = len(lists.start) - 1
     count = launcher.empty(n, wp.int32)
     launcher.launch(
-        kernels_points.count_runs, n, [lists.start, between], [lists.entry, count], grain=GRAIN_OF_NEIGHBORS
+        kernels_points.count_runs,
+        n,
+        [lists.start, others.label, between],
+        [lists.entry, count],
+        grain=GRAIN_OF_NEIGHBORS,
     )
     start, total = running_sum(launcher, count)
     run = launcher.empty(max(total, 1), wp.vec2i)
-    inputs = [lists.start, between, lists.entry, start]
+    inputs = [lists.start, others.label, between, lists.entry, start]
     launcher.launch(kernels_points.list_runs, n, inputs, [run], grain=GRAIN_OF_NEIGHBORS)
     return Lists(start, run)

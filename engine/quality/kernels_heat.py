@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..surface.kernels_relations import see_each_other
 from .kernels_sheets import on_one_sheet
 
 wp.set_module_options({"enable_backward": False})
@@ -332,18 +333,22 @@ def nearest_distance(
     position: wp.array(dtype=wp.vec3),
     normal: wp.array(dtype=wp.vec3d),
     sheet: wp.array(dtype=wp.int32),
+    relations: int,
     reach: float,
     # outputs
     distance: wp.array(dtype=float),
 ):
-    """Distance to the nearest body of the same sheet; ``reach`` where none is nearer."""
+    """Distance to the nearest body of the same sheet, or of one that stands on it; ``reach`` where none is nearer.
+
+    Which do lies behind the sheets of all bodies, from ``relations`` on.
+    """
     i = first + wp.tid()
     own = position[i]
     least = float(reach)
     query = wp.hash_grid_query(grid, own, reach)
     j = int(0)
     while wp.hash_grid_query_next(query, j):
-        if j != i and sheet[j] == sheet[i]:
+        if j != i and see_each_other(sheet[i], sheet[j], sheet, relations):
             way = position[j] - own
             away = wp.length(way)
             if away < least:

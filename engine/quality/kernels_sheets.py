@@ -6,6 +6,7 @@ import math
 
 import warp as wp
 
+from ..surface.kernels_relations import see_each_other
 from .kernels_overlaps import ONE, ZERO, Shapes, depth_from_corners, may_overlap
 
 wp.set_module_options({"enable_backward": False})
@@ -22,6 +23,9 @@ LEAST_COSINE = wp.constant(wp.float64(-0.1))
 class Sheets:
     """Bodies on a surface: positions, where the smooth surface looks to there, x axes of outlines along it, and their sheets.
 
+    Behind the sheets of all bodies it lies which stand on one another, from ``relations`` on, see
+    :mod:`esh.engine.surface.kernels_relations`.
+
     Corners of outlines that somebody sees are noted from ``copies`` on, ``most_corners`` for each body that sees them.
     """
 
@@ -29,6 +33,7 @@ class Sheets:
     normal: wp.array(dtype=wp.vec3d)
     along: wp.array(dtype=wp.vec3d)
     sheet: wp.array(dtype=wp.int32)
+    relations: wp.int32
     copies: wp.int32
     most_corners: wp.int32
 
@@ -159,7 +164,8 @@ def count_on_sheets(
     j = int(0)
     while wp.hash_grid_query_next(query, j):
         counts = not may_overlap(i, j, shapes)
-        if j != i and found < most and counts and sheets.sheet[i] == sheets.sheet[j]:
+        seen = see_each_other(sheets.sheet[i], sheets.sheet[j], sheets.sheet, sheets.relations)
+        if j != i and found < most and counts and seen:
             depth = depth_of_pair(i, j, sheets, shapes)
             if depth > tolerance * wp.min(shapes.width[i], shapes.width[j]):
                 found += 1

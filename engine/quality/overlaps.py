@@ -320,9 +320,11 @@ def overlaps_on_sheets(
     if not count_them():
         return Overlaps(0)
     # Only now it matters what belongs together.
-    of_triangle = sheets_of(surface, n, launcher)
+    of_triangle, relations = sheets_of(surface, n, launcher)
     if of_triangle.max() > of_triangle.min():
-        sheets.sheet.assign(of_triangle[bodies.points.triangle].astype(np.int32))
+        sheet = of_triangle[bodies.points.triangle]
+        sheet, sheets.relations = relations.behind(sheet, int(of_triangle.max()) + 1)
+        sheets.sheet = launcher.array(sheet, wp.int32)
         if not count_them():
             return Overlaps(0)
     depth = deepest.numpy()

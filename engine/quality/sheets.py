@@ -9,12 +9,15 @@ import numpy as np
 from ..device.launcher import Launcher
 from ..problem.surface import Surface
 from ..surface.parts import joined_parts
+from ..surface.relations import Relations
 
 __all__ = ["sheets_of"]
 
 
-def sheets_of(surface: Surface, count: int, launcher: Launcher) -> np.ndarray:
-    """Return a number for every triangle, shape ``[t]``: bodies on triangles of different numbers do not overlap, however near.
+def sheets_of(surface: Surface, count: int, launcher: Launcher) -> tuple[np.ndarray, Relations]:
+    """Return a number for every triangle, shape ``[t]``, and which of these stand on one another.
+
+    Bodies on triangles of other numbers do not overlap, however near.
 
     Args:
         surface: The surface.
@@ -22,5 +25,6 @@ def sheets_of(surface: Surface, count: int, launcher: Launcher) -> np.ndarray:
         launcher: Where to run.
     """
     if surface.part.max() == surface.part.min():
-        return surface.part
-    return joined_parts(launcher, surface, math.sqrt(surface.area / count))[0]
+        return surface.part, Relations()
+    parts = joined_parts(launcher, surface, math.sqrt(surface.area / count))
+    return parts.label, parts.relations

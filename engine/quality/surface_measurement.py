@@ -102,16 +102,17 @@ def _spacing(placement: Placement, bodies: BodiesOnSurface, launcher: Launcher) 
     position = bodies.in_units(launcher, unit)
     grid = wp.HashGrid(CELLS, CELLS, CELLS, device=launcher.device)
     grid.build(position, NEIGHBORS)
-    of_triangle = sheets_of(surface, n, launcher)
+    of_triangle, relations = sheets_of(surface, n, launcher)
     one_sheet = of_triangle.min() == of_triangle.max()
-    sheet = launcher.alike(
-        of_all(np.int32(0), n) if one_sheet else of_triangle[points.triangle].astype(np.int32), wp.int32
-    )
+    sheet = of_all(np.int32(0), n) if one_sheet else of_triangle[points.triangle]
+    related = 0
+    if not one_sheet:
+        sheet, related = relations.behind(sheet, int(of_triangle.max()) + 1)
     distance = launcher.empty(n, float)
     launcher.launch(
         kernels_heat.nearest_distance,
         n,
-        [grid.id, position, bodies.normal, sheet, NEIGHBORS],
+        [grid.id, position, bodies.normal, launcher.alike(sheet, wp.int32), related, NEIGHBORS],
         [distance],
         grain=GRAIN_OF_NEIGHBORS,
     )

@@ -6,6 +6,7 @@ import warp as wp
 
 from ..cascade.kernels_points import cell_at, same_cell
 from ..surface.kernels_facets import Facets, Spot, carried, smooth_normal
+from ..surface.kernels_relations import see_each_other
 from .kernels_lying import cell_of_block, flat_way, in_plane, on_one_sheet, slot_of_level
 
 wp.set_module_options({"enable_backward": False})
@@ -107,6 +108,7 @@ def deeper_in(
     place: wp.vec3,
     normal: wp.vec3,
     label: int,
+    facets: Facets,
     room: float,
     one: OutlineOnGround,
     corner: wp.array(dtype=wp.vec2),
@@ -117,7 +119,8 @@ def deeper_in(
     found.out = before.out
     way = place - one.position
     distance = wp.length(way)
-    if one.label == label and distance < one.reach + room and on_one_sheet(way, distance, one.normal, normal):
+    near = distance < one.reach + room and see_each_other(one.label, label, facets.label, facets.relations)
+    if near and on_one_sheet(way, distance, one.normal, normal):
         flat = flat_way(way, distance, one.normal, normal)
         beside = wp.cross(one.normal, one.along)
         out = way_out(in_plane(flat, one.along, beside), one.first_corner, one.end_corner, corner)
@@ -147,5 +150,5 @@ def inside_outlines(spot: Spot, room: float, facets: Facets, o: OutlinesOnGround
             slot = slot_of_level(cell, m, o.mask)
             for j in range(o.start[slot], o.start[slot + 1]):
                 if o.outline[j].level == m and same_cell(cell_at(o.outline[j].position, inverse_cell), cell):
-                    result = deeper_in(result, spot.position, normal, label, room, o.outline[j], o.corner)
+                    result = deeper_in(result, spot.position, normal, label, facets, room, o.outline[j], o.corner)
     return result

@@ -7,6 +7,7 @@ import warp as wp
 from ..cascade.kernels_points import cell_at, same_cell
 from ..space.kernels_meeting import Meeting, keep_apart
 from ..surface.kernels_facets import carried, spot_at, tangential
+from ..surface.kernels_relations import see_each_other
 from .kernels_contact import Capsule, Push, capsule, push_between, scale_of_pushes
 from .kernels_descent import PINNED, Bodies
 from .kernels_lying import LEAST_COSINE, Slots, cell_of_block, in_plane, slot_of_level
@@ -139,7 +140,9 @@ def pushed_by(
     own = here.footprint
     touching = own.radius + footprints.radius[j]
     normal = ground.facets.normal[facet]
-    met = ground.facets.label[facet] == here.label and wp.dot(normal, here.normal) >= LEAST_COSINE
+    facets = ground.facets
+    met = see_each_other(facets.label[facet], here.label, facets.label, facets.relations)
+    met = met and wp.dot(normal, here.normal) >= LEAST_COSINE
     if not (met and distance < own.half + own.radius + footprints.reach[j] + slack * touching):
         return Push()
     # Into the plane here, as far off as they are.

@@ -11,6 +11,7 @@ import warp as wp
 from ..cascade.kernels_points import cell_at, same_cell
 from ..space.kernels_meeting import Meeting, keep_apart
 from ..surface.kernels_facets import Spot, carried, smooth_normal, spot_at, step_along, tangential, tile_of
+from ..surface.kernels_relations import see_each_other
 from .kernels_descent import Bodies
 from .kernels_lying import Slots, cell_of_block, flat_way, in_plane, on_one_sheet, slot_of_level
 from .kernels_on_surface import Ground, may_be, walk
@@ -123,7 +124,8 @@ def glance_at(here: Standing, j: int, crowd: SurfaceCrowd):
     other = crowd.normal[j]
     way = crowd.position[j] - here.position
     distance = wp.length(way)
-    if facets.label[here.facet] != facets.label[there] or not on_one_sheet(way, distance, normal, other):
+    meets = see_each_other(facets.label[here.facet], facets.label[there], facets.label, facets.relations)
+    if not meets or not on_one_sheet(way, distance, normal, other):
         return seen
     seen.met = 1
     beside = wp.cross(normal, here.along)
@@ -192,7 +194,8 @@ def may_meet(i: int, j: int, crowd: SurfaceCrowd):
     seen = glance_at(here, j, crowd)
     if seen.met == 0:
         # Whom it does not see now it may see round an edge.
-        return crowd.ground.facets.label[here.facet] == crowd.ground.facets.label[crowd.facet[j]]
+        facets = crowd.ground.facets
+        return see_each_other(facets.label[here.facet], facets.label[crowd.facet[j]], facets.label, facets.relations)
     skins = outlines.skin[i] + outlines.skin[j]
     copied = copy_corners(i, j, seen.turned, crowd)
     return apart(i, outlines.first_corner[i], j, copied, seen.way, outlines, skins) < skins

@@ -13,8 +13,9 @@ import warp as wp
 
 from ..device.launcher import Launcher
 from ..problem.surface import Surface
-from . import kernels_cut, kernels_facets
+from . import kernels_cut, kernels_facets, kernels_standing
 from .cut import empty_pieces, places_of, small_pieces, triangles_of
+from .relations import Relations
 
 __all__ = ["Facets"]
 
@@ -45,6 +46,7 @@ class Facets:
         unit: Meters per unit.
         label: Number for every triangle of the surface; those of one number come one after the other.
         open_side: Whether the surface ends at the side opposite of each corner of its triangles, shape ``[t, 3]``.
+        relations: Which labels stand on one another; None for none.
 
     Attributes:
         middle: Of the surface [m], shape ``[3]``.
@@ -52,6 +54,7 @@ class Facets:
         triangle: Triangle of the surface that each is part of, shape ``[f]``.
         area: Shape ``[f]``.
         label: Shape ``[f]``.
+        relations: Which labels stand on one another.
         cuts: Tiles along every side of a facet, which has ``cuts²`` tiles, shape ``[f]``.
         first_tile: Number of the first tile of every facet, and at the end of all, shape ``[f + 1]``.
         first_corner: The same for the corners of tiles.
@@ -59,9 +62,16 @@ class Facets:
     """
 
     def __init__(
-        self, launcher: Launcher, surface: Surface, unit: float, label: np.ndarray, open_side: np.ndarray
+        self,
+        launcher: Launcher,
+        surface: Surface,
+        unit: float,
+        label: np.ndarray,
+        open_side: np.ndarray,
+        relations: Relations | None = None,
     ) -> None:
         self.launcher, self.surface, self.unit = launcher, surface, unit
+        self.relations = Relations() if relations is None else relations
         self.middle = 0.5 * (surface.low + surface.high)
         pieces = small_pieces(launcher, surface, self.middle, unit, facet=FACET, tile=TILE, slender=MOST_SLENDER)
         triangles = triangles_of(launcher, surface, open_side)
@@ -72,7 +82,7 @@ class Facets:
         launcher.launch(kernels_cut.describe, count, inputs, [self.on_device, self._described])
         self.triangle = self.on_device.triangle.numpy()
         self.label, self.area = label[self.triangle], self._described.area.numpy()
-        longest, at_bend = self._described.longest.numpy(), self._at_bend()
+        longest, at_bend = self._described.longest.numpy(), self._at_bend() | self._at_foot()
         fine = float(((longest[at_bend] / TILE_AT_BEND + 1.0) ** 2).sum())
         tile = np.where(at_bend, min(TILE_AT_BEND * max(math.sqrt(fine / MOST_AT_BENDS), 1.0), TILE), TILE)
         self.cuts = np.maximum(np.ceil(longest / tile - 1e-6), 1.0).astype(np.int64)
@@ -194,9 +204,10 @@ class Facets:
         facets.corner = self.mesh.points
         facets.normal, facets.corner_normal = single(described.normal), single(described.corner_normal)
         facets.open_sides = described.open_sides
+        label, facets.relations = self.relations.behind(self.label, int(self.label.max()) + 1)
         facets.label, facets.cuts, facets.first_tile, facets.first_corner = (
             launcher.array(values.astype(np.int32), wp.int32)
-            for values in (self.label, self.cuts, self.first_tile, self.first_corner)
+            for values in (label, self.cuts, self.first_tile, self.first_corner)
         )
         return facets
 
@@ -218,6 +229,18 @@ class Facets:
         place = (cell * PLACE_FACTORS).sum(axis=2)
         ends = np.concatenate([place[facet, (side + 1) % 3], place[facet, (side + 2) % 3]])
         return np.isin(place, np.unique(ends)).any(axis=1)
+
+    def _at_foot(self) -> np.ndarray:
+        """Facets on which another part stands, and those beside its foot, shape ``[f]``."""
+        place, launcher = self.relations.place, self.launcher
+        if not len(place):
+            return np.zeros(self.count, bool)
+        corner = launcher.own_array(self.corner.reshape(-1, 3).astype(np.float32), wp.vec3)
+        mesh = wp.Mesh(corner, launcher.own_array(np.arange(3 * self.count, dtype=np.int32), wp.int32))
+        is_near = launcher.zeros(self.count, wp.int32)
+        inputs = [mesh.id, launcher.array(place.astype(np.float32), wp.vec3), TILE_AT_BEND]
+        launcher.launch(kernels_standing.find_near_places, len(place), inputs, [is_near])
+        return is_near.numpy() > 0
 
     def _counted(self) -> tuple[np.ndarray, np.ndarray]:
         """The first tile of every facet, and its first corner of tiles."""

@@ -24,8 +24,9 @@ ON_SIDE = wp.constant(1.0e-4)
 class Facets:
     """See :class:`~.facets.Facets`.
 
-    Corners, three for each; normal; where the smooth surface looks to at every corner; label; the sides where the surface ends (bit k:
-    opposite of corner k); cuts; and the numbers of the first tile and of its first corner.
+    Corners, three for each; normal; where the smooth surface looks to at every corner; label, and behind all of them, from
+    ``relations`` on, which see each other, as in :mod:`.kernels_relations`; the sides where the surface ends (bit k: opposite of
+    corner k); cuts; and the numbers of the first tile and of its first corner.
     """
 
     mesh: wp.uint64
@@ -37,6 +38,7 @@ class Facets:
     cuts: wp.array(dtype=wp.int32)
     first_tile: wp.array(dtype=wp.int32)
     first_corner: wp.array(dtype=wp.int32)
+    relations: wp.int32
 
 
 @wp.struct

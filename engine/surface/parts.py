@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import warp as wp
@@ -14,8 +15,11 @@ from ..problem.unit_vectors import unit_vectors
 from . import kernels_facets
 from .continuations import continued_parts
 from .edge_places import places_along
+from .relations import CRUMBS, Relations
+from .standing import standing_pairs
+from .surface_edges import SurfaceEdges
 
-__all__ = ["joined_parts"]
+__all__ = ["Parts", "joined_parts"]
 
 # Where a side is open, the surface is looked for this far beyond it, in units; what is nearer to that than the second goes on there.
 BEYOND = 0.05
@@ -28,21 +32,29 @@ ABOVE = 0.5
 TURNS = np.radians([0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0])
 # Places along a side that are looked at: one for every unit of its length, but at most so many.
 MOST_PLACES = 32
-# Parts of a smaller area, in square units, have too few bodies to be a surface of their own: they see each other.
-CRUMBS = 8.0
 
 
-def joined_parts(launcher: Launcher, surface: Surface, unit: float) -> tuple[np.ndarray, np.ndarray]:
-    """Join the parts that touch.
+class Parts(NamedTuple):
+    """What a surface is made of.
+
+    Attributes:
+        label: Of every triangle, shape ``[t]``: parts of different labels do not see each other, unless one stands on the other.
+        open_side: Whether the surface ends at the side opposite of each corner, shape ``[t, 3]``.
+        relations: Which labels stand on one another.
+    """
+
+    label: np.ndarray
+    open_side: np.ndarray
+    relations: Relations
+
+
+def joined_parts(launcher: Launcher, surface: Surface, unit: float) -> Parts:
+    """Join the parts that touch, and find those that stand on one another. Crumbs see each other, and nothing else.
 
     Args:
         launcher: Where to run.
         surface: The surface.
         unit: Meters per unit.
-
-    Returns:
-        Label of every triangle, shape ``[t]``: parts of different labels do not see each other; and whether the surface ends at
-        the side opposite of each corner, shape ``[t, 3]``.
     """
     part, open_side = surface.part.copy(), surface.open_side.copy()
     triangle, corner = np.nonzero(open_side)
@@ -52,15 +64,21 @@ def joined_parts(launcher: Launcher, surface: Surface, unit: float) -> tuple[np.
         part = connected(int(part.max()) + 1, part[triangle[number[hit]]], part[found[hit]])[part]
         goes_on = np.bincount(number, weights=hit, minlength=len(triangle)) > 0.5 * np.bincount(number)
         open_side[triangle[goes_on], corner[goes_on]] = False
-    part, continues = continued_parts(launcher, surface, unit, part, NEAR)
+    edges = SurfaceEdges(launcher, surface, unit)
+    part, continues = continued_parts(edges, part, NEAR)
     open_side &= ~continues
     area = np.bincount(part, surface.triangle_area / unit**2)
     crumb = area < CRUMBS
+    pair, place = standing_pairs(edges, part)
+    pair = pair[~crumb[pair].any(axis=1)]
     if crumb.any() and not crumb.all():
         part = np.where(crumb[part], len(area), part)
     elif crumb.all():
         part = np.zeros_like(part)
-    return np.unique(part, return_inverse=True)[1].ravel(), open_side
+    known, label = np.unique(part, return_inverse=True)
+    return Parts(
+        label.ravel(), open_side, Relations(np.searchsorted(known, pair), area[pair].min(axis=1, initial=np.inf), place)
+    )
 
 
 def _beyond(

@@ -191,7 +191,7 @@ def square(corner, side=1.0, cells=4, height=0.0):
 def test_parts_are_one_sheet_where_their_borders_meet(parts, one):
     surface = Surface(parts)
     with closing(Launcher(resolve_device("cpu"))) as launcher:
-        sheet = sheets_of(surface, 200, launcher)
+        sheet, _ = sheets_of(surface, 200, launcher)
     first = [sheet[surface.source == start][0] for start in np.cumsum([0, *(len(p.triangles) for p in parts[:-1])])]
     if one is None:
         assert first[1] == first[2] != first[0]

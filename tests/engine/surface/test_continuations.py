@@ -73,17 +73,17 @@ def surface_of(meshes: list[trimesh.Trimesh], turned: bool) -> Surface:
 def test_what_continues_across_a_crease_is_one_part(name: str, one: bool, turned: bool) -> None:
     surface = surface_of((ONE if one else SEVERAL)[name], turned)
     launcher = launcher_of_process(str(resolve_device("cpu")))
-    part, _ = joined_parts(launcher, surface, float(np.sqrt(surface.area / BODIES)))
+    part, *_ = joined_parts(launcher, surface, float(np.sqrt(surface.area / BODIES)))
     assert surface.part.max() >= 1
     assert part.max() == (0 if one else surface.part.max())
-    sheets = np.unique(sheets_of(surface, BODIES, launcher))
+    sheets = np.unique(sheets_of(surface, BODIES, launcher)[0])
     assert len(sheets) == part.max() + 1
 
 
 def test_where_a_sheet_continues_on_a_box_it_does_not_end() -> None:
     surface = surface_of(ONE["ground that ends at a box"], turned=False)
     launcher = launcher_of_process(str(resolve_device("cpu")))
-    _, open_side = joined_parts(launcher, surface, float(np.sqrt(surface.area / BODIES)))
+    _, open_side, _ = joined_parts(launcher, surface, float(np.sqrt(surface.area / BODIES)))
     # Three of the four sides of the sheet.
     assert surface.open_side.sum() == 4
     assert open_side.sum() == 3
