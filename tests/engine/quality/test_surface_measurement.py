@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 import warp as wp
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
@@ -160,6 +161,30 @@ def test_distances_are_those_of_neighbors_on_one_sheet(launcher):
     report = measure(placed(surface, points, 1e-3), launcher)
     assert report.closest == pytest.approx(nearest, rel=1e-5)
     assert report.usual == pytest.approx(nearest, rel=1e-5)
+
+
+@pytest.mark.parametrize(("lift", "met"), [(0.0, True), (0.2, False)])
+def test_spacing_and_overlaps_are_those_across_the_foot_of_a_box_that_stands_on_the_ground(launcher, lift, met):
+    ground, box = trimesh.creation.box((3.0, 3.0, 1.0)), trimesh.creation.box((1.0, 1.0, 1.0))
+    box.apply_translation((0.0, 0.0, 0.5 + lift))
+    top = ground.faces[ground.face_normals[:, 2] > 0.9]
+    surface = Surface([SurfaceMesh(ground.vertices - (0.0, 0.0, 0.5), top), SurfaceMesh(box.vertices, box.faces)])
+    count, radius = 600, 0.12
+    points = random_points(surface, count, 5)
+    report = measure(placed(surface, points, np.pi * radius**2), launcher)
+    way = points.position[:, None] - points.position
+    apart = np.linalg.norm(way, axis=2) + 1e-30
+    # How far it leaves both planes, together: no farther than they are turned, and 60 degrees.
+    leaves = np.arcsin(np.minimum(np.abs(np.einsum("ijk,ik->ij", way, points.normal)) / apart, 1.0))
+    cosine = points.normal @ points.normal.T
+    seen = (cosine >= -0.1) & (leaves + leaves.T <= np.arccos(np.clip(cosine, -1.0, 1.0)) + np.pi / 3.0)
+    on_box = points.source()[0] == 1
+    one_part = on_box[:, None] == on_box
+    apart[np.eye(count, dtype=bool) | ~seen] = np.inf
+    near = apart < 2.0 * radius * (1.0 - 1e-3)
+    assert (near & ~one_part).sum() > 20
+    assert report.overlaps == (near if met else near & one_part).sum() // 2
+    assert report.closest == pytest.approx((apart if met else np.where(one_part, apart, np.inf)).min(), rel=1e-3)
 
 
 def test_slivers_and_large_triangles_are_measured(launcher):
