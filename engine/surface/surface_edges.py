@@ -51,14 +51,16 @@ class SurfaceEdges:
         launcher: Where to run.
         surface: The surface.
         unit: Meters per unit.
-
-    Attributes:
-        place: Corners of its triangles, shape ``[t, 3, 3]``.
     """
 
     def __init__(self, launcher: Launcher, surface: Surface, unit: float) -> None:
-        self.launcher, self._surface = launcher, surface
-        self.place = ((surface.position - 0.5 * (surface.low + surface.high)) / unit)[surface.triangle]
+        self.launcher, self._surface, self._unit = launcher, surface, unit
+
+    @cached_property
+    def place(self) -> np.ndarray:
+        """Corners of its triangles, shape ``[t, 3, 3]``."""
+        surface = self._surface
+        return ((surface.position - 0.5 * (surface.low + surface.high)) / self._unit)[surface.triangle]
 
     @cached_property
     def mesh(self) -> wp.Mesh:
