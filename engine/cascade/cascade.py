@@ -11,8 +11,8 @@ others, Multilevel summation, 2015).
 
 Parts of a surface that stand on one another, as a box on the ground, see each other in the octaves below l = 0 only. That is what
 keeps bodies apart. Within the reach of wide ones there may be many things that stand on one ground and do not see each other, of
-which K would not be positive semidefinite. Measured on 400 boxes on a ground: with the wide ones errors at 1 spacing are .0158, without
-them .0149; the nearest bodies across their feet are .53 and .58 spacings apart.
+which K would not be positive semidefinite. Measured on 400 boxes on a ground: with the wide ones errors at 1 spacing are .0158,
+without them .0149; the nearest bodies across their feet are .53 and .58 spacings apart.
 
 Units: the solver's length unit is the spacing that the average body sees, its charge unit the mean charge.
 """

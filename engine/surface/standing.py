@@ -37,8 +37,8 @@ def standing_pairs(edges: SurfaceEdges, part: np.ndarray) -> tuple[np.ndarray, n
     places, launcher = edges.places(part, NEAR, np.inf), edges.launcher
     count = len(places.side)
     found = launcher.empty((count, kernels_standing.MOST_AT_PLACE), wp.int32)
-    numbers = (launcher.array(values.astype(np.int32), wp.int32) for values in (part, places.side))
-    inputs = [edges.mesh.id, edges.normal, next(numbers), places.sides, next(numbers), edges.vectors(places.point)]
+    own, side = launcher.array(part.astype(np.int32), wp.int32), launcher.array(places.side.astype(np.int32), wp.int32)
+    inputs = [edges.mesh.id, edges.normal, own, places.sides, side, edges.vectors(places.point)]
     launcher.launch(kernels_standing.find_grounds, count, inputs, [found], grain=GRAIN_OF_NEIGHBORS)
     ground = found.numpy()
     place, slot = np.nonzero(ground >= 0)
