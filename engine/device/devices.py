@@ -10,7 +10,7 @@ from pathlib import Path
 
 import warp as wp
 
-from ..errors import DeviceError
+from ..errors import DeviceError, Reason, Refusal
 from .quiet_start import start_warp
 
 __all__ = ["core_count", "gpu_environments", "processes_on_gpus", "resolve_device"]
@@ -44,7 +44,10 @@ def resolve_device(name: str = "auto") -> wp.Device:
     number = name.removeprefix("cuda:")
     if name == "cuda" or number.isdigit():
         why = "this machine has no such NVIDIA GPU, or no driver for it"
-        raise DeviceError(f"`device` {name!r} is not available: {why}; use one of {accepted}")
+        raise DeviceError(
+            f"`device` {name!r} is not available: {why}; use one of {accepted}",
+            Refusal(Reason.NO_SUCH_DEVICE, 1, len(gpu_names)),
+        )
     raise DeviceError(f"`device` must be one of {accepted}; got {name!r}")
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..errors import ProblemError
+from ..errors import ProblemError, Reason, Refusal
 from . import validation
 from .look_at import LookAt
 from .settings import Settings, described, setting, settle
@@ -214,11 +214,15 @@ class BodyClass(ClassSettings):
         """Where the density is a covered share, it must not be above 1; what is sharpened is cut off there."""
         if callable(self.density):
             if self.unsharp is not None:
-                raise ProblemError(f"`unsharp` of {where} needs a density that is an image; it is a function of points")
+                raise ProblemError(
+                    f"`unsharp` of {where} needs a density that is an image; it is a function of points",
+                    Refusal(Reason.SHARPENED_ON_SURFACE, self.unsharp.amount, 0, (self.name, "")),
+                )
             return
         largest = float(np.max(self.density))
         if (self.density_correction or self.count == "cover") and largest > 1.0 and self.unsharp is None:
             why = "`density_correction`" if self.density_correction else '`count = "cover"`'
             raise ProblemError(
-                f"`density` of {where} must be a covered share between 0 and 1 for {why}; its largest value is {largest:g}"
+                f"`density` of {where} must be a covered share between 0 and 1 for {why}; its largest value is {largest:g}",
+                Refusal(Reason.DENSITY_ABOVE_ONE, largest, 1, (self.name, "")),
             )

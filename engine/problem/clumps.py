@@ -145,7 +145,8 @@ def _shape(image: np.ndarray, size: float, domain: Domain, name: str) -> tuple[i
     if available is not None and required > available:
         raise ProblemError(
             f'`clump_size` of class "{name}" is too small ({size:.3g} m): its density would have {columns} x {rows} pixels and take '
-            f"about {format_bytes(required)} of memory, and this machine has {format_bytes(available)}"
+            f"about {format_bytes(required)} of memory, and this machine has {format_bytes(available)}",
+            Refusal(Reason.MEMORY_FOR_CLUMPS, required, available, (name, "")),
         )
     return rows, columns
 

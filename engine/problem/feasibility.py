@@ -46,7 +46,10 @@ def check_known_on_surfaces(classes: Sequence[PreparedClass], obstacles: Sequenc
             )
     for c in classes:
         if c.clustering > 0.0:
-            raise ProblemError(f'`clustering` of class "{c.name}" must be 0 on a surface; got {c.clustering:g}')
+            raise ProblemError(
+                f'`clustering` of class "{c.name}" must be 0 on a surface; got {c.clustering:g}',
+                Refusal(Reason.CLUMPS_ON_SURFACE, c.clustering, 0, (c.name, "")),
+            )
         for size in c.sizes:
             if size.line is not None:
                 _check_line_on_surface(size.line, f'size "{size.name}" of class "{c.name}"')
@@ -88,11 +91,6 @@ def _check_line_on_surface(line: Line, where: str) -> None:
         )
 
 
-def _who(body_class: PreparedClass, size: Size) -> tuple[str, str]:
-    """Return how a refusal names a size: by its class alone where that has no other."""
-    return body_class.name, size.name if len(body_class.sizes) > 1 else ""
-
-
 def _check_balance(problem: Problem) -> None:
     matrix = problem.balance.non_overlap
     if matrix is not None and len(matrix) != len(problem.classes):
@@ -122,13 +120,13 @@ def _check_lines(problem: Problem) -> None:
                 raise ProblemError(
                     f'`line.length` of size "{size.name}" of class "{c.name}" must not be longer than the domain, {most:g} m; '
                     f"got {size.line.longest:g}",
-                    Refusal(Reason.LINE_TOO_LONG, size.kind.extent(size.area_span[1]), most, _who(c, size)),
+                    Refusal(Reason.LINE_TOO_LONG, size.kind.extent(size.area_span[1]), most, c.called(size)),
                 )
             if size.line is not None and size.line.shortest < validation.SHORTEST_LINE * most:
                 raise ProblemError(
                     f'`line.length` of size "{size.name}" of class "{c.name}" must not be shorter than '
                     f"{validation.SHORTEST_LINE:g} of the domain, {most:g} m; got {size.line.shortest:g}",
-                    Refusal(Reason.LINE_TOO_SHORT, size.line.shortest, most, _who(c, size)),
+                    Refusal(Reason.LINE_TOO_SHORT, size.line.shortest, most, c.called(size)),
                 )
 
 
@@ -142,7 +140,7 @@ def _check_areas(problem: Problem) -> None:
             f'`area` of size "{large[1].name}" of class "{large[0].name}" must not be more than '
             f'{validation.MOST_AREA_RATIO:g} times that of size "{small[1].name}" of class "{small[0].name}"; got {high:g} and '
             f"{low:g} m²",
-            Refusal(Reason.AREAS_TOO_DIFFERENT, high, low, _who(*large), _who(*small)),
+            Refusal(Reason.AREAS_TOO_DIFFERENT, high, low, large[0].called(large[1]), small[0].called(small[1])),
         )
     # Counts may be larger than any float.
     covered = sum(
@@ -230,7 +228,7 @@ def _check_fixed_lengths(problem: Problem, *, outlined: bool) -> None:
                     f'`fixed.area` and `fixed.scale` of size "{size.name}" of class "{body_class.name}" must make bodies no longer '
                     f"than {most:,} times the {which}, {side:g} m, and at least {validation.SMALLEST_LENGTH:g} m wide; got "
                     f"{longest:.3g} by {narrowest:.3g} m",
-                    Refusal(Reason.FIXED_LENGTH, longest, side, _who(body_class, size)),
+                    Refusal(Reason.FIXED_LENGTH, longest, side, body_class.called(size)),
                 )
 
 
@@ -256,7 +254,7 @@ def _check_extents(problem: Problem) -> None:
                 raise ProblemError(
                     f'`{key}` of size "{size.name}" of class "{c.name}" must not make bodies longer than {most:,} times the '
                     f"{which}, {side:g} m; they are {extent:g} m long",
-                    Refusal(Reason.BODY_TOO_LONG, extent, side, _who(c, size)),
+                    Refusal(Reason.BODY_TOO_LONG, extent, side, c.called(size)),
                 )
 
 

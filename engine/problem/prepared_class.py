@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import ProblemError
+from ..errors import ProblemError, Reason, Refusal
 from .apportionment import apportion
 from .body_class import BodyClass, PlacingSettings
 from .density_correction import correct_density
@@ -97,6 +97,10 @@ class PreparedClass(PlacingSettings):
         """Number of bodies in all sizes."""
         return sum(size.count or 0 for size in self.sizes)
 
+    def called(self, size: Size) -> tuple[str, str]:
+        """How a refusal names one of its sizes: by the class alone where that has no other."""
+        return self.name, size.name if len(self.sizes) > 1 else ""
+
     @property
     def varies_on_surface(self) -> bool:
         """Whether the density is not the same at all points of a surface."""
@@ -125,7 +129,10 @@ def density_on(body_class: BodyClass, points: PointsOnSurface) -> np.ndarray:
     assert callable(body_class.density)
     values = density_at(body_class.density, points, key)
     if (body_class.density_correction or body_class.count == "cover") and values.max(initial=0.0) > 1.0:
-        raise ProblemError(f"{key} must be a covered share between 0 and 1; its largest value is {values.max():g}")
+        raise ProblemError(
+            f"{key} must be a covered share between 0 and 1; its largest value is {values.max():g}",
+            Refusal(Reason.DENSITY_ABOVE_ONE, float(values.max()), 1, (body_class.name, "")),
+        )
     return correct_density(values[None], key)[0] if body_class.density_correction else values
 
 
@@ -152,7 +159,10 @@ def prepare_on_surface(body_class: BodyClass, surface: Surface, most: float, sha
     if callable(body_class.density):
         mean = float(np.minimum(density_on(body_class, surface.sample()), most).mean())
     if mean <= 0.0:
-        raise ProblemError(f"{key} must be above 0 somewhere on the surface; it is 0 everywhere")
+        raise ProblemError(
+            f"{key} must be above 0 somewhere on the surface; it is 0 everywhere",
+            Refusal(Reason.NO_DENSITY, 0, 0, (body_class.name, "")),
+        )
     return PreparedClass(
         body_class.name,
         count_sizes(body_class, share * mean * surface.area),
@@ -271,7 +281,8 @@ def cut_out(
     fine = fine * np.clip(0.5 + free / np.float32(pixel), 0.0, 1.0)
     if not fine.any():
         raise ProblemError(
-            f'`obstacles` must leave some ground where the density of class "{body_class.name}" is above 0'
+            f'`obstacles` must leave some ground where the density of class "{body_class.name}" is above 0',
+            Refusal(Reason.OBSTACLES_EVERYWHERE, len(obstacles), 0, (body_class.name, "")),
         )
     # What is left says how many bodies cover it.
     sizes = body_class.sizes
@@ -314,7 +325,8 @@ def cut_out_on_surface(
     mean = float(cut.density_on(surface.sample()).mean())
     if mean <= 0.0:
         raise ProblemError(
-            f'`obstacles` must leave some ground where the density of class "{body_class.name}" is above 0'
+            f'`obstacles` must leave some ground where the density of class "{body_class.name}" is above 0',
+            Refusal(Reason.OBSTACLES_EVERYWHERE, len(obstacles), 0, (body_class.name, "")),
         )
     return replace(cut, sizes=count_sizes(asked, mean * surface.area))
 
@@ -345,7 +357,8 @@ def beside_fixed(body_class: PreparedClass, domain: Domain | Surface, taken: flo
     if left < 0.5 * min(size.mean_area for size in body_class.sizes):
         raise ProblemError(
             f'`count` of class "{body_class.name}" is "cover", but its fixed bodies take the {min(wanted, most):.3g} m² that it can '
-            "cover without overlap"
+            "cover without overlap",
+            Refusal(Reason.COVER_BESIDE_FIXED, taken, min(wanted, most), (body_class.name, "")),
         )
     return replace(body_class, sizes=count_sizes(asked, left))
 
@@ -368,7 +381,8 @@ def beside_counted(body_class: PreparedClass, domain: Domain | Surface, taken: f
     if left < 0.5 * min(size.mean_area for size in body_class.sizes):
         raise ProblemError(
             f'`count` of class "{body_class.name}" is "cover", but the counts of the classes beside it take all that fits without '
-            "overlap"
+            "overlap",
+            Refusal(Reason.COVER_BESIDE_COUNTED, taken, body_class.share * ground * fits, (body_class.name, "")),
         )
     return replace(body_class, sizes=count_sizes(asked, left))
 
@@ -400,9 +414,15 @@ def _sharpened(image: np.ndarray, body_class: BodyClass, where: str) -> tuple[np
     with np.errstate(over="ignore"):
         image = sharpened.astype(np.float32)
     if not np.isfinite(image).all():
-        raise ProblemError(f"`unsharp` of {where} must leave a finite density; lower its amount")
+        raise ProblemError(
+            f"`unsharp` of {where} must leave a finite density; lower its amount",
+            Refusal(Reason.SHARPENED_TOO_MUCH, math.inf, math.inf, (body_class.name, "")),
+        )
     if not image.any():
-        raise ProblemError(f"`unsharp` of {where} must leave a density above 0 somewhere; lower its amount")
+        raise ProblemError(
+            f"`unsharp` of {where} must leave a density above 0 somewhere; lower its amount",
+            Refusal(Reason.SHARPENED_TOO_MUCH, 0, 0, (body_class.name, "")),
+        )
     if clipped <= 0.0:
         return image, ()
     share = f"{clipped:.1%}" if clipped >= 5e-4 else "less than 0.1%"
@@ -426,18 +446,26 @@ def count_sizes(body_class: BodyClass, covered: float) -> tuple[Size, ...]:
         count = body_class.count
         if count > MOST_BODIES:
             raise ProblemError(
-                f'`count` of class "{body_class.name}" is too large ({show(count)}): at most {MOST_BODIES} bodies can be placed'
+                f'`count` of class "{body_class.name}" is too large ({show(count)}): at most {MOST_BODIES} bodies can be placed',
+                Refusal(Reason.TOO_MANY_BODIES, count, MOST_BODIES, (body_class.name, "")),
             )
     else:
         number = sum(covered * (size.share or 0.0) / size.mean_area for size in sizes)
         if number < 0.5:
             raise ProblemError(
-                f'`count` of class "{body_class.name}" is "cover", but its density covers {covered:.3g} m², less than half a body'
+                f'`count` of class "{body_class.name}" is "cover", but its density covers {covered:.3g} m², less than half a body',
+                Refusal(
+                    Reason.COVER_BELOW_ONE_BODY,
+                    covered,
+                    min(size.mean_area for size in sizes),
+                    (body_class.name, ""),
+                ),
             )
         if number > MOST_BODIES:
             raise ProblemError(
                 f'`count` of class "{body_class.name}" is "cover", which takes about {number:.3g} bodies of these areas; at most '
-                f"{MOST_BODIES} can be placed"
+                f"{MOST_BODIES} can be placed",
+                Refusal(Reason.TOO_MANY_BODIES, number, MOST_BODIES, (body_class.name, "")),
             )
         count = max(round(number), 1)
     shares = np.array([size.share for size in sizes], dtype=np.float64)
@@ -446,6 +474,7 @@ def count_sizes(body_class: BodyClass, covered: float) -> tuple[Size, ...]:
         if number < 1:
             raise ProblemError(
                 f'`share` of size "{size.name}" of class "{body_class.name}" must be larger: {size.share:g} of {count} bodies '
-                "leaves none for it"
+                "leaves none for it",
+                Refusal(Reason.SHARE_BELOW_ONE_BODY, count, size.share or 0.0, (body_class.name, size.name)),
             )
     return tuple(replace(size, count=number, share=None) for size, number in zip(sizes, counts, strict=True))

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ProblemError
+from ..errors import ProblemError, Reason, Refusal
 from . import validation
 from .balance import Balance
 from .body_class import BodyClass
@@ -153,7 +153,10 @@ class Problem(ProblemSettings):
         counted = [self._with_fixed(index, c) for index, c in enumerate(beside)]
         settle(self, classes=tuple(c if c is b else replace(c, base=b) for c, b in zip(counted, bases, strict=True)))
         if self.body_count == len(self.fixed.id):
-            raise ProblemError("a problem must have at least one body to place; all of them are fixed")
+            raise ProblemError(
+                "a problem must have at least one body to place; all of them are fixed",
+                Refusal(Reason.ALL_FIXED, self.body_count, self.body_count - 1),
+            )
         check_feasible(self)
 
     @cached_property
@@ -207,7 +210,10 @@ class Problem(ProblemSettings):
             key = f'`count` of size "{size.name}" of class "{body_class.name}"'
             count = size.count or 0
             if self.include_fixed and count < fixed:
-                raise ProblemError(f"{key} must include its {fixed} fixed bodies; got {show(count)}")
+                raise ProblemError(
+                    f"{key} must include its {fixed} fixed bodies; got {show(count)}",
+                    Refusal(Reason.FEWER_THAN_FIXED, count, fixed, body_class.called(size)),
+                )
             if fixed and self.include_fixed and isinstance(size.distribution, np.ndarray):
                 raise ProblemError(
                     f"{key} must not include fixed bodies where areas are listed; set `include_fixed` to false"

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..errors import ProblemError
+from ..errors import ProblemError, Reason, Refusal
 from . import validation
 from .connected import connected
 from .connected_triangles import parts_of
@@ -154,14 +154,18 @@ class Surface:
         if not validation.SMALLEST_LENGTH <= extent <= validation.LARGEST_LENGTH:
             raise ProblemError(
                 f"{EXTENT_KEY} must lie between {validation.SMALLEST_LENGTH:g} and {validation.LARGEST_LENGTH:g} meters; "
-                f"got {extent:g}"
+                f"got {extent:g}",
+                validation.out_of_range(extent),
             )
         cross = np.cross(used[:, 1] - used[:, 0], used[:, 2] - used[:, 0])
         length = np.linalg.norm(cross, axis=1)
         longest = np.linalg.norm(used - np.roll(used, 1, axis=1), axis=2).max(axis=1)
         kept = np.flatnonzero(length > FLATTEST * longest**2)
         if not len(kept):
-            raise ProblemError("the surface must have an area; all its triangles are points or lines")
+            raise ProblemError(
+                "the surface must have an area; all its triangles are points or lines",
+                Refusal(Reason.SURFACE_WITHOUT_AREA, 0, 0),
+            )
         triangle = triangle[kept]
         welded = _welded(position, triangle, extent)
         sides = sides_of(welded)

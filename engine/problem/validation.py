@@ -56,7 +56,8 @@ MOST_CHARGES_ON_A_LINE = 64
 SHARE_TOLERANCE = 2e-3
 
 
-def _out_of_range(*sides: float) -> Refusal:
+def out_of_range(*sides: float) -> Refusal:
+    """Return what to refuse a domain or a surface with whose sides are too long or too short [m]."""
     if max(sides) > LARGEST_LENGTH:
         return Refusal(Reason.DOMAIN_OUT_OF_RANGE, max(sides), LARGEST_LENGTH)
     return Refusal(Reason.DOMAIN_OUT_OF_RANGE, min(sides), SMALLEST_LENGTH)
@@ -73,7 +74,7 @@ def check_domain_size(value: object, key: str = "`domain.size`") -> tuple[float,
     if not all(SMALLEST_LENGTH <= length <= LARGEST_LENGTH for length in (width, height)):
         raise ProblemError(
             f"{key} must lie between {SMALLEST_LENGTH:g} and {LARGEST_LENGTH:g} meters; got {show(value)}",
-            _out_of_range(width, height),
+            out_of_range(width, height),
         )
     if max(width, height) > MOST_ELONGATED * min(width, height):
         raise ProblemError(

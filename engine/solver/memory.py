@@ -8,7 +8,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from ..errors import ProblemError
+from ..errors import ProblemError, Reason, Refusal
 from ..field.field_meshes import charge_mesh, cutoff_of, target_mesh
 from ..field.mirrored_field import COPIES
 from ..problem.clumps import clump_size_of, crowding_of, memory_of_clumps
@@ -209,7 +209,8 @@ def check_memory(problem: Problem) -> None:
         raise ProblemError(
             f"solving this problem would take about {format_bytes(required)} of memory, most of it for the meshes of its "
             f"{_group_count(problem)} groups (sizes of classes, {LEVELS} for a range of areas), and this machine has "
-            f"{format_bytes(available)}; use fewer of them, or a less elongated domain"
+            f"{format_bytes(available)}; use fewer of them, or a less elongated domain",
+            Refusal(Reason.MEMORY_FOR_GROUPS, required, available),
         )
     sizes = [(k.name, size) for k in problem.classes for size in k.sizes]
     _refuse_counts(sizes, problem.body_count, required, None if fits else available, _bytes_per_charge(problem))
@@ -241,14 +242,22 @@ def _refuse_counts(
 ) -> NoReturn:
     """Raise ProblemError, which names the largest count; ``available`` is None where numbers run out before memory does."""
     class_name, size = max(sizes, key=lambda pair: pair[1].count or 0)
+    alone = sum(name == class_name for name, _ in sizes) == 1
+    who = (class_name, "" if alone else size.name)
     sentence = (
         f'`count` of size "{size.name}" of class "{class_name}" is too large ({show(size.count)}): '
         f"{show(bodies)} bodies in all would take about {format_bytes(required)} of memory"
     )
     if available is not None:
         most = min(max(available - BYTES_FIXED, 0) // per_body, MOST_BODIES)
-        raise ProblemError(f"{sentence}, this machine has {format_bytes(available)}, enough for about {_rounded(most)}")
-    raise ProblemError(f"{sentence}, and at most {MOST_BODIES} bodies can be placed")
+        raise ProblemError(
+            f"{sentence}, this machine has {format_bytes(available)}, enough for about {_rounded(most)}",
+            Refusal(Reason.MEMORY_FOR_BODIES, bodies, float(f"{most:.1e}"), who),
+        )
+    raise ProblemError(
+        f"{sentence}, and at most {MOST_BODIES} bodies can be placed",
+        Refusal(Reason.TOO_MANY_BODIES, bodies, MOST_BODIES, who),
+    )
 
 
 def _check_images(problem: Problem, available: int) -> None:
@@ -260,7 +269,8 @@ def _check_images(problem: Problem, available: int) -> None:
     height, width = largest.density_image.shape
     raise ProblemError(
         f'`density` of class "{largest.name}" is too large ({width} x {height} pixels): the densities would take about '
-        f"{format_bytes(required)} of memory, and this machine has {format_bytes(available)}; use smaller images"
+        f"{format_bytes(required)} of memory, and this machine has {format_bytes(available)}; use smaller images",
+        Refusal(Reason.MEMORY_FOR_DENSITIES, required, available, (largest.name, "")),
     )
 
 

@@ -14,7 +14,7 @@ import warp as wp
 from ..device.devices import resolve_device
 from ..device.launcher import Launcher
 from ..device.profile import Profile
-from ..errors import ProblemError
+from ..errors import ProblemError, Reason, Refusal
 from ..problem.cover import cover_of
 from ..problem.domain import Domain
 from ..problem.placement import Placement
@@ -525,7 +525,7 @@ class Solver:
         with self.launcher.phase("readback"):
             residual = self.descent.direction.residual()
         if math.isnan(residual):
-            raise ProblemError(OVERFLOW)
+            raise ProblemError(OVERFLOW, Refusal(Reason.FORCES_NOT_FINITE, 1, 0))
         return residual
 
     def run(self, max_steps: int, progress: Callable[[Progress], bool | None] | None = None) -> tuple[int, bool]:
@@ -636,7 +636,7 @@ class Solver:
         placement = self.descent.placement()
         # One that is not makes their sum so, too.
         if not np.isfinite(placement.position.sum()):
-            raise ProblemError(OVERFLOW)
+            raise ProblemError(OVERFLOW, Refusal(Reason.FORCES_NOT_FINITE, 1, 0))
         drawn = bool(self.model.kinds) and not isinstance(self.model.problem.domain, Surface)
         # Ghosts, of which a placement has none, would be missing; and what is kept apart does not overlap.
         if drawn and not self.model.problem.avoid_overlap and not (self.model.body.flags & BodyFlags.GHOST).any():

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import ProblemError
+from ..errors import ProblemError, Reason, Refusal
 from ..problem.body_footprints import BodyFootprints
 from ..problem.domain import Domain
 from ..problem.obstacles import Obstacle, clearance
@@ -98,7 +98,8 @@ def supports_of(
                 if not support.any():
                     raise ProblemError(
                         f'`obstacles` must leave room for size "{size.name}" of class "{body_class.name}", which keeps '
-                        f"{max(needed):.3g} m away from them"
+                        f"{max(needed):.3g} m away from them",
+                        Refusal(Reason.OBSTACLES_TOO_NEAR, max(needed), 0, body_class.called(size)),
                     )
                 of_body[of_level] = len(images)
                 images.append(support)

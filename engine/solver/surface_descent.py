@@ -17,7 +17,7 @@ from ..cascade.cascade import Cascade
 from ..cascade.points import empty_points
 from ..cascade.seen_from_afar import is_rough, seen_from_afar
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
-from ..errors import ProblemError
+from ..errors import ProblemError, Reason, Refusal
 from ..problem.outlines_on_surface import OutlinesOnSurface
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface
@@ -311,7 +311,10 @@ class SurfaceDescent:
         total = amount.sum(axis=1, keepdims=True)
         if not (total > 0.0).all():
             name = classes[int(np.argmin(total[:, 0]))].name
-            raise ProblemError(f'`density` of class "{name}" is above 0 on too small a part of the surface')
+            raise ProblemError(
+                f'`density` of class "{name}" is above 0 on too small a part of the surface',
+                Refusal(Reason.NO_DENSITY, 0, 0, (name, "")),
+            )
         return amount / total
 
     def _detailed_densities(self, varying: list[int], outlines: OutlinesOnSurface) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
-from ..errors import ProblemError
+from ..errors import ProblemError, Reason, Refusal
 from ..problem.body_kind import radius_of
 from ..problem.nearest_on_triangles import corner_weights
 from ..problem.surface import PointsOnSurface
@@ -128,7 +128,8 @@ def spots_of_places(launcher: Launcher, facets: Facets, places: PlacesOnSurface,
         if len(missed):
             raise ProblemError(
                 f"{key} must lie on the surface; {show(places.position[found[missed[0]]].tolist())} is more than "
-                f"{NEAR * facets.unit:.3g} m away from it"
+                f"{NEAR * facets.unit:.3g} m away from it",
+                Refusal(Reason.FIXED_OFF_SURFACE, NEAR * facets.unit, NEAR * facets.unit),
             )
         weight[found] = _inside(corner_weights(facets.corner[facet[found]], place))
     return facet, weight
@@ -219,7 +220,8 @@ def clear_of_balls(model: Model, facets: Facets, share: np.ndarray, balls: np.nd
             result[k, away < reach] = 0.0
         if not result[k].any():
             raise ProblemError(
-                f'`obstacles` must leave room for class "{body_class.name}", which keeps away from them by its size'
+                f'`obstacles` must leave room for class "{body_class.name}", which keeps away from them by its size',
+                Refusal(Reason.OBSTACLES_TOO_NEAR, most * facets.unit, 0, (body_class.name, "")),
             )
     return result
 

@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..errors import ProblemError
+from ..errors import ProblemError, Reason, Refusal
 from ..problem.slopes import LEVEL, slope_of_normal
 from .surface_points import SurfacePoints
 from .top_view import TopView
@@ -62,10 +62,14 @@ class Chart:
             if not length > 1e-6 * max(view.extent, 1e-30):
                 raise ProblemError(
                     f"{mesh.name} must have an extent in x and y seen from above; in {axis} it has none; "
-                    "its whole surface needs none"
+                    "its whole surface needs none",
+                    Refusal(Reason.NOT_SEEN_FROM_ABOVE, 1, 0),
                 )
         if view.projected_area < SMALLEST_COVER * self.size.prod():
-            raise ProblemError(f"{mesh.name} must have faces that are visible from above; all of them are vertical")
+            raise ProblemError(
+                f"{mesh.name} must have faces that are visible from above; all of them are vertical",
+                Refusal(Reason.NOT_SEEN_FROM_ABOVE, 1, 0),
+            )
         width, height = self.size
         cell = max(width, height) / resolution
         self.shape = (max(1, math.ceil(height / cell - 1e-6)), max(1, math.ceil(width / cell - 1e-6)))
@@ -78,7 +82,9 @@ class Chart:
         spots: tuple[np.ndarray, ...] = view.cast(xy.reshape(-1, 2))
         self._filled = np.flatnonzero(spots[0] >= 0)
         if not len(self._filled):
-            raise ProblemError(f"{mesh.name} must be visible from above; it is too narrow")
+            raise ProblemError(
+                f"{mesh.name} must be visible from above; it is too narrow", Refusal(Reason.NOT_SEEN_FROM_ABOVE, 1, 0)
+            )
         self._cut = self._cut_cells(xy)
         if len(self._filled) < rows * columns:
             spots = tuple(values[self._filled] for values in spots)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...engine.errors import ProblemError
+from ...engine.errors import ProblemError, Reason, Refusal
 from ...engine.problem.body_class import BodyClass, ClassSettings
 from ...engine.problem.direction_field import direction_field
 from ...engine.problem.line import Line
@@ -44,7 +44,8 @@ def class_on_surface(
     c = scatter_class
     if c.unsharp is not None:
         raise ProblemError(
-            f'`unsharp` of class "{c.name}" must be None on a whole surface; densities are sharpened only from above'
+            f'`unsharp` of class "{c.name}" must be None on a whole surface; densities are sharpened only from above',
+            Refusal(Reason.SHARPENED_ON_SURFACE, c.unsharp.amount, 0, (c.name, "")),
         )
     sizes = [size if size.line is None else replace(size, line=_along(chart, size.line)) for size in sizes]
     even = values.min() == values.max()
