@@ -34,6 +34,8 @@ MOST_CUT = 0.2
 SMALLEST_COSINE = 0.1
 # Share of the bounding rectangle that must be covered by faces seen from above for the target to have an upper side.
 SMALLEST_COVER = 1e-6
+# And the shorter side of what is seen from above is at least this share of the longest.
+NARROWEST = 1e-6
 
 
 class Chart:
@@ -59,7 +61,7 @@ class Chart:
         self.origin = view.low[:2]
         self.size = view.high[:2] - view.low[:2]
         for axis, length in zip("xy", self.size, strict=True):
-            if not length > 1e-6 * max(view.extent, 1e-30):
+            if not length > NARROWEST * max(view.extent, 1e-30):
                 raise ProblemError(
                     f"{mesh.name} must have an extent in x and y seen from above; in {axis} it has none; "
                     "its whole surface needs none",

@@ -209,6 +209,8 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
             return obstacle
         if self.result is not None and self.result == self.chosen_target:
             return "The target is the result of the last run; choose another target"
+        if obstacle := self._top_obstacle():
+            return obstacle
         if not self.classes:
             return "Add a class: what to scatter"
         with asked_once():
@@ -216,6 +218,13 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
                 return None
             incomplete = (self.obstacle_of(c) for c in self.classes if not c.mute)
             return next(incomplete, None) or "All classes are muted; unmute one"
+
+    def _top_obstacle(self) -> str | None:
+        """Return that the target has no top and what to do about it, as one sentence, where objects are to stand on what has one."""
+        from ..result.refused import NOT_SEEN
+        from ..targets.top import have_no_top
+
+        return NOT_SEEN if self.surface == "ABOVE" and not self.both_sides and have_no_top(self.targets) else None
 
     def obstacle_of(self, body_class: ESH_PG_class, followed_by: tuple[int, ...] = ()) -> str | None:
         """Return what keeps a class from being scattered, as one sentence, or None; one target has to have what it asks for.

@@ -10,7 +10,10 @@ from ...engine.errors import EshError, Reason, Refusal
 from ...engine.problem.machine_memory import format_bytes
 from . import words
 
-__all__ = ["as_sentence"]
+__all__ = ["NOT_SEEN", "as_sentence"]
+
+# Also said before a run.
+NOT_SEEN = "The target is not visible from above: choose Whole Surface"
 
 # Counts beyond this are told as this.
 LARGEST_TOLD = 1e18
@@ -42,7 +45,7 @@ _SENTENCES = {
     ),
     Reason.DOMAIN_OUT_OF_RANGE: "The target is {given} along a side, and the limit is {limit}: scale it",
     Reason.SURFACE_WITHOUT_AREA: "The target has no area: all its faces are points or lines",
-    Reason.NOT_SEEN_FROM_ABOVE: "Nothing of the target is visible from above: set Surface to Whole Surface",
+    Reason.NOT_SEEN_FROM_ABOVE: NOT_SEEN,
     Reason.MEMORY_FOR_BODIES: (
         "{given_number} objects do not fit into memory, about {limit_number} would: lower the counts, first that of {own}"
     ),

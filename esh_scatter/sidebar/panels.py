@@ -14,6 +14,7 @@ from ..properties.scatter import BY_HAND, ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import real_objects, words
 from ..result.display import get_inputs, input_property, our_modifier
+from ..result.refused import NOT_SEEN
 from ..result.result import is_shared
 from ..solving import live, running
 from ..targets import checksums
@@ -292,6 +293,8 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
     obstacle = scatter.obstacle(context.scene)
     if obstacle:
         write_text(context, column, obstacle, icon="INFO")
+        if obstacle == NOT_SEEN:
+            column.prop_enum(scatter, "surface", "WHOLE")
         return
     report = scatter.report
     # The dearest part of drawing: made once.

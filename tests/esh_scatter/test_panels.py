@@ -8,10 +8,12 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from esh.engine.errors import ProblemError  # noqa: E402
 from esh.engine.problem.body_class import ClassSettings  # noqa: E402
 from esh.engine.problem.cover import Cover  # noqa: E402
 from esh.engine.problem.scatter_settings import ScatterSettings  # noqa: E402
 from esh.esh_scatter import operators, registration  # noqa: E402
+from esh.esh_scatter.api import ScatterJob  # noqa: E402
 from esh.esh_scatter.editing import forecast  # noqa: E402
 from esh.esh_scatter.editing.preset_files import built_in_presets  # noqa: E402
 from esh.esh_scatter.properties import settings_record  # noqa: E402
@@ -20,6 +22,7 @@ from esh.esh_scatter.properties.body_class import ESH_PG_class  # noqa: E402
 from esh.esh_scatter.properties.described import shown_settings  # noqa: E402
 from esh.esh_scatter.properties.layer import KINDS  # noqa: E402
 from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
+from esh.esh_scatter.result.refused import as_sentence  # noqa: E402
 from esh.esh_scatter.result.result import write_result  # noqa: E402
 from esh.esh_scatter.sidebar import density_panel, menus, panel_parts, panels, preset_pictures  # noqa: E402
 from esh.esh_scatter.solving import running  # noqa: E402
@@ -58,6 +61,10 @@ class Layout:
         assert name in data.bl_rna.properties or name[2:-2] in data.keys(), name  # noqa: SIM118
         self._check_icon(icon)
         self.drawn.append(text if name.startswith('["') else name)
+
+    def prop_enum(self, data, name, value):
+        assert value in data.bl_rna.properties[name].enum_items
+        self.drawn.append(f"{name} {value}")
 
     def prop_search(self, data, name, search_data, search_name, *, text=None, icon="NONE", **_options):
         assert hasattr(search_data, search_name)
@@ -633,3 +640,39 @@ def test_settings_are_summed_up_once_while_all_panels_are_drawn(monkeypatch):
     monkeypatch.setattr(settings_record, "record", lambda *arguments: made.append(1) or record(*arguments))
     draw_all()
     assert len(made) == 1
+
+
+def test_a_target_without_a_top_is_told_of_before_the_run():
+    scatter = ready_scatter()
+    said = "The target is not visible from above: choose Whole Surface"
+    assert not {said, "surface WHOLE"} & set(draw_all())
+    wall = scatter.target
+    for turn in ((0.5 * np.pi, 0.0, 0.0), (0.0, 0.5 * np.pi, 0.3), (0.5 * np.pi, 0.0, 1.0)):
+        wall.rotation_euler = turn
+        bpy.context.view_layer.update()
+        assert scatter.obstacle(bpy.context.scene) == said
+        assert "surface WHOLE" in draw_all(1000)
+        with pytest.raises(RuntimeError, match=said):
+            bpy.ops.esh.scatter()
+    # It is what the run would say.
+    with pytest.raises(ProblemError) as refused:
+        ScatterJob(*scatter.arguments(bpy.context.scene)[0], device="cpu")
+    assert as_sentence(refused.value) == said
+    for name, value in (("surface", "WHOLE"), ("surface", "AUTO"), ("both_sides", True)):
+        before = getattr(scatter, name)
+        setattr(scatter, name, value)
+        assert scatter.obstacle(bpy.context.scene) is None, name
+        setattr(scatter, name, before)
+    # One face that is not upright is a top, among however many that are.
+    mesh = wall.data
+    mesh.clear_geometry()
+    corners = [(x, 0.0, z) for x in range(20) for z in (0.0, 1.0)]
+    mesh.from_pydata([*corners, (5.0, 1.0, 1.0)], [], [(2 * k, 2 * k + 2, 2 * k + 3, 2 * k + 1) for k in range(19)])
+    wall.rotation_euler = (0.0, 0.0, 0.0)
+    bpy.context.view_layer.update()
+    assert scatter.obstacle(bpy.context.scene) == said
+    mesh.clear_geometry()
+    faces = [(2 * k, 2 * k + 2, 2 * k + 3, 2 * k + 1) for k in range(19)]
+    mesh.from_pydata([*corners, (5.0, 1.0, 1.0)], [], [*faces[:7], (11, 13, 40), *faces[7:]])
+    bpy.context.view_layer.update()
+    assert scatter.obstacle(bpy.context.scene) is None

@@ -1,0 +1,63 @@
+"""Whether targets have a top: without one, nothing can be scattered on them from above."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import bpy
+import numpy as np
+
+from ...engine.surface.chart import NARROWEST, SMALLEST_COVER
+from .evaluated_mesh import in_world
+from .target import world_matrix
+
+__all__ = ["have_no_top"]
+
+# Faces that are looked at before all are: nearly always one of them is visible from above.
+FIRST_FACES = 16
+
+
+def have_no_top(objects: Sequence[bpy.types.Object]) -> bool:
+    """Tell whether nothing of some mesh objects is visible from above, as the engine judges it; False where that is not known.
+
+    It costs next to nothing where there is a top, so that drawing may ask.
+    """
+    meshes = [(mesh, world_matrix(item, bpy.context)) for item in objects if (mesh := _mesh_of(item)) is not None]
+    if len(meshes) < len(objects) or not meshes or any(_has_top_at_once(item) for item in meshes):
+        return False
+    low, high, area = np.full(3, np.inf), np.full(3, -np.inf), 0.0
+    for mesh, matrix in meshes:
+        corner = _corners(mesh, matrix)
+        low, high = np.minimum(low, corner.min(axis=(0, 1))), np.maximum(high, corner.max(axis=(0, 1)))
+        side = corner[:, 1:] - corner[:, :1]
+        area += 0.5 * float(np.abs(side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0]).sum())
+    size = high - low
+    return bool(size[:2].min() <= NARROWEST * size.max() or area < SMALLEST_COVER * size[0] * size[1])
+
+
+def _mesh_of(item: bpy.types.Object) -> bpy.types.Mesh | None:
+    """Return the evaluated mesh of an object; None where it has no faces to look at now."""
+    evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    known = evaluated.is_evaluated and evaluated.mode != "EDIT" and isinstance(evaluated.data, bpy.types.Mesh)
+    return evaluated.data if known and len(evaluated.data.polygons) else None
+
+
+def _has_top_at_once(mesh_in_world: tuple[bpy.types.Mesh, np.ndarray]) -> bool:
+    """Whether one of the first faces lies flat enough that the mesh has a top, whatever the others are."""
+    mesh, matrix = mesh_in_world
+    count = len(mesh.polygons)
+    turned = np.linalg.inv(matrix[:3, :3]).T if abs(np.linalg.det(matrix[:3, :3])) > 0.0 else np.zeros((3, 3))
+    for number in range(0, count, max(1, count // FIRST_FACES)):
+        normal = turned @ np.array(mesh.polygons[number].normal)
+        if abs(normal[2]) > 0.1 * np.linalg.norm(normal) and mesh.polygons[number].area > 0.0:
+            return True
+    return False
+
+
+def _corners(mesh: bpy.types.Mesh, matrix: np.ndarray) -> np.ndarray:
+    """Corners of a mesh's triangles in the world, shape ``[n, 3, 3]``."""
+    position = np.empty((len(mesh.vertices), 3), np.float32)
+    mesh.attributes["position"].data.foreach_get("vector", position.ravel())
+    triangle = np.empty((len(mesh.loop_triangles), 3), np.int32)
+    mesh.loop_triangles.foreach_get("vertices", triangle.ravel())
+    return in_world(position, matrix)[triangle]
