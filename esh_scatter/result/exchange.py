@@ -207,13 +207,16 @@ def _read_result(item: bpy.types.Object) -> tuple[Bodies, list[bpy.types.Object 
 
 
 def _turned(turned: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Quaternions (w, x, y, z) of objects that rotations ``[n, 3, 3]`` turn; where these do nothing they stay to the last digit."""
+    """Quaternions (w, x, y, z) of objects that are turned so, and mirrored, ``[n, 3, 3]``; where that is nothing they are the same."""
     changed = np.flatnonzero((turned != np.eye(3)).any(axis=(1, 2)))
     if not len(changed):
         return rotation
     first = np.roll(wxyz_of_axes(turned[changed, :, 0], turned[changed, :, 2]), -1, axis=1)
+    mirrored = np.linalg.det(turned[changed])[:, None] < 0.0
+    # Objects themselves cannot be mirrored: they are along their y once more, as where what they stand on was mirrored.
+    before = rotation[changed] * np.where(mirrored, [1.0, -1.0, 1.0, -1.0], 1.0)
     result = rotation.copy()
-    result[changed] = np.roll(multiply_xyzw(first, np.roll(rotation[changed], -1, axis=1)), 1, axis=1)
+    result[changed] = np.roll(multiply_xyzw(first, np.roll(before, -1, axis=1)), 1, axis=1)
     return result
 
 

@@ -316,11 +316,12 @@ def _follow(tree: Tree, followed: Sequence[Followed]) -> Socket:
     tied = tree.compare("GREATER_THAN", tree.vector("LENGTH", weights), 0.0)
     follows = tree.both(tree.inputs["follow"], tied, *same)
     tree.column(2)
-    corner, edge, side, looking = _triangle(tree, infos, followed)
+    corner, edge, side, mirror = _triangle(tree, infos, followed)
     tree.column(3)
     (ground,) = tree.part("Ground Point", _ground_now, corner=corner, edge=edge, side=side, weights=weights)
     tree.column(4)
-    place, new_rotation = tree.part("Standing", _standing_now, ground=ground, edge=edge, side=looking)
+    standing = {"ground": ground, "edge": edge, "side": side, "mirror": mirror}
+    place, new_rotation = tree.part("Standing, Mirrored", _standing_now, **standing)
     tree.column(5)
     # Kept before the points are moved, with which all that is asked of the ground would change.
     turn = tree.add("GeometryNodeStoreNamedAttribute", data_type="QUATERNION", domain="POINT")
@@ -338,7 +339,7 @@ def _follow(tree: Tree, followed: Sequence[Followed]) -> Socket:
 def _triangle(tree: Tree, infos: Sequence[bpy.types.Node], followed: Sequence[Followed]) -> list[Socket]:
     """Return of every point's triangle where its first corner is now, and the two edges from there, in the world.
 
-    And the second edge once more, on the other side where the target was mirrored since: the triangle looks with it as it did.
+    And what mirrors where it was, if the target was mirrored since: factors of x, y and z.
     """
     position = tree.call("GeometryNodeInputPosition")
     found: list[Socket] = []
@@ -353,7 +354,7 @@ def _triangle(tree: Tree, infos: Sequence[bpy.types.Node], followed: Sequence[Fo
         ]
         determinant = tree.call("FunctionNodeMatrixDeterminant", transform)
         over = tree.compare("GREATER_THAN" if told.mirrored else "LESS_THAN", determinant, 0.0)
-        own.append(tree.scaled(own[-1], tree.switch("FLOAT", over, 1.0, -1.0)))
+        own.append(tree.switch("VECTOR", over, (1.0, 1.0, 1.0), (1.0, -1.0, 1.0)))
         if found:
             its = tree.compare("EQUAL", tree.attribute(TARGET, "INT"), number, "INT")
             own = [tree.switch("VECTOR", its, *pair) for pair in zip(found, own, strict=True)]
@@ -384,10 +385,17 @@ def _ground_now(tree: Tree) -> list[Socket]:
 
 
 def _standing_now(tree: Tree) -> list[Socket]:
-    """Return where objects stand now, and how they are turned there."""
-    edge = tree.inputs["edge"]
-    normal = tree.vector("CROSS_PRODUCT", edge, tree.inputs["side"])
-    edge_before, normal_before = tree.attribute(EDGE, "FLOAT_VECTOR"), tree.attribute(FACE_NORMAL, "FLOAT_VECTOR")
+    """Return where objects stand now, and how they are turned there.
+
+    Where the target was mirrored since, its triangles go round the other way, and look to the side that they looked to. All that was
+    is mirrored along y first: what is left of the way to where it is now is a turn.
+    """
+    edge, mirror = tree.inputs["edge"], tree.inputs["mirror"]
+    _, over, _ = tree.parts(mirror)
+    normal = tree.vector("CROSS_PRODUCT", edge, tree.scaled(tree.inputs["side"], over))
+    edge_before, normal_before = (
+        tree.vector("MULTIPLY", tree.attribute(name, "FLOAT_VECTOR"), mirror) for name in (EDGE, FACE_NORMAL)
+    )
     turned = _turn(tree, (normal_before, edge_before), (normal, edge))
     tree.column(2)
     # What stands upright turns with the ground, but does not lean with it.
@@ -398,12 +406,24 @@ def _standing_now(tree: Tree) -> list[Socket]:
     for value, socket in zip((tree.attribute(ALIGN, "FLOAT"), upright, turned), mixing, strict=True):
         tree.link(value, socket)
     mixed = next(socket for socket in mix.outputs if socket.enabled)
-    rotation = tree.attribute(ROTATION, "QUATERNION")
+    (rotation,) = tree.part("Mirrored Rotation", _mirrored_rotation, over=over)
     new_rotation = tree.call("FunctionNodeRotateRotation", rotation, mixed, rotation_space="GLOBAL")
     position = tree.call("GeometryNodeInputPosition")
     away = tree.vector("SUBTRACT", position, tree.attribute(GROUND_POINT, "FLOAT_VECTOR"))
-    away = tree.call("FunctionNodeRotateVector", away, turned)
+    away = tree.call("FunctionNodeRotateVector", tree.vector("MULTIPLY", away, mirror), turned)
     return [tree.vector("ADD", tree.inputs["ground"], away), new_rotation]
+
+
+def _mirrored_rotation(tree: Tree) -> list[Socket]:
+    """Return how objects were turned, along y mirrored if the factor is -1.
+
+    No turn can mirror an object: it is mirrored within itself once more, and its top and its front are where their images are.
+    """
+    quaternion = tree.add("FunctionNodeRotationToQuaternion")
+    tree.link(tree.attribute(ROTATION, "QUATERNION"), quaternion.inputs[0])
+    w, x, y, z = quaternion.outputs
+    x, z = (tree.math("MULTIPLY", part, tree.inputs["over"]) for part in (x, z))
+    return [tree.call("FunctionNodeQuaternionToRotation", w, x, y, z)]
 
 
 def _display(tree: Tree, limited: Socket) -> Socket:

@@ -74,7 +74,7 @@ class Pins(NamedTuple):
         source: ``session_uid`` of the object that stands there, shape ``[n]``; -1 where it is gone.
         identity: Numbers of the points, shape ``[n]``.
         normal: Of the surface there when they were placed, shape ``[n, 3]``.
-        turned: How objects there have been turned since, with the target that a result follows, shape ``[n, 3, 3]``.
+        turned: How all that is there has been turned since, and mirrored, with the target that a result follows, shape ``[n, 3, 3]``.
         turn: How far that is about their own axes [rad], shape ``[n]``.
     """
 
@@ -201,8 +201,7 @@ def read_pins(
     if not len(stays):
         return None
     now = moved_with(result, body_places(mesh), bpy.context)
-    before = rotations(result)[stays]
-    turn = _heading(now.turned[stays] @ before) - _heading(before)
+    turn = _heading(now.axes(rotations(result))[stays]) - _heading(rotations(result)[stays])
 
     def of(name: str) -> np.ndarray:
         return read_attribute(mesh, name)[stays] if name in mesh.attributes else np.zeros(len(stays), np.float32)

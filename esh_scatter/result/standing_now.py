@@ -62,10 +62,21 @@ class LyingNow(NamedTuple):
 
 
 class MovedWith(NamedTuple):
-    """Places with what they follow: where they are now [m], ``[n, 3]``, and how objects there were turned since, ``[n, 3, 3]``."""
+    """Places with what they follow.
+
+    Attributes:
+        position: Where they are now [m], shape ``[n, 3]``.
+        turned: How all that is there was turned since, and mirrored where what they follow was, shape ``[n, 3, 3]``.
+    """
 
     position: np.ndarray
     turned: np.ndarray
+
+    def axes(self, rotation: np.ndarray) -> np.ndarray:
+        """Axes of objects that were turned so, as they are now, ``[n, 3, 3]``: what is mirrored is so along its y once more."""
+        now = self.turned @ rotation
+        now[:, :, 1] *= np.linalg.det(self.turned)[:, None].round()
+        return now
 
 
 def standing_now(result: bpy.types.Object, context: bpy.types.Context) -> StandingNow:
@@ -75,7 +86,7 @@ def standing_now(result: bpy.types.Object, context: bpy.types.Context) -> Standi
     rotation = rotations(result)
     now = moved_with(result, position, context)
     world = np.array(result.matrix_world, np.float64)
-    return StandingNow(in_world(now.position, world), world[:3, :3] @ now.turned @ rotation * scale[:, None, :])
+    return StandingNow(in_world(now.position, world), world[:3, :3] @ now.axes(rotation) * scale[:, None, :])
 
 
 def lying_now(result: bpy.types.Object, context: bpy.types.Context) -> LyingNow:
@@ -157,7 +168,8 @@ def _follow(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Move places with their triangles, and tell how objects turn with them, as the node group's part does that is called "Follow".
 
-    Triangles of targets that were mirrored since are turned ``over``; they look to the side that they looked to.
+    Triangles of targets that were mirrored since are turned ``over``; they look to the side that they looked to. What was is mirrored
+    along y there, from where a turn leads to what is.
     """
     weights = read_attribute(mesh, WEIGHTS).astype(np.float64)
     before, edge_before, normal_before = (
@@ -174,14 +186,16 @@ def _follow(
     moved = np.linalg.norm(ground - before, axis=1) > ROUNDING * np.linalg.norm(before, axis=1)
     ground = np.where(moved[:, None], ground, before)
     looking = np.where(over[number][:, None], -side, side)
+    mirror = np.where(over[number][:, None], [1.0, -1.0, 1.0], 1.0)
+    edge_before, normal_before = mirror * edge_before, mirror * normal_before
     turned = _frames(np.cross(edge, looking), edge) @ _frames(normal_before, edge_before).transpose(0, 2, 1)
     up = np.broadcast_to(np.array(UP), edge.shape)
     upright = _frames(up, edge) @ _frames(up, edge_before).transpose(0, 2, 1)
     leaning = _part_of(upright.transpose(0, 2, 1) @ turned, read_attribute(mesh, ALIGN).astype(np.float64))
-    place = ground + np.einsum("nij,nj->ni", turned, position - before)
-    along = upright @ leaning
+    place = ground + np.einsum("nij,nj->ni", turned, mirror * (position - before))
+    along = upright @ leaning * mirror[:, None, :]
     # What has not moved stays to the last digit.
-    keep = tied & (moved | (np.abs(turned - np.eye(3)).max(axis=(1, 2)) > LEAST_TURN))
+    keep = tied & (moved | over[number] | (np.abs(turned - np.eye(3)).max(axis=(1, 2)) > LEAST_TURN))
     return np.where(keep[:, None], place, position), np.where(keep[:, None, None], along, np.eye(3))
 
 
