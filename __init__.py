@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from .engine.scenes.solve_many import solve_many
     from .engine.solve import solve
     from .engine.solver.body_flags import BodyFlags
-    from .engine.solver.solver import Edit, Progress, Solver
+    from .engine.solver.solver import Bookmark, Edit, Progress, Solver
     from .engine.solver.state import State
     from .engine.solver.surface_state import SurfaceState
     from .engine.surface.instances import Instances
@@ -85,6 +85,7 @@ __all__ = [
     "Bodies",
     "BodyClass",
     "BodyFlags",
+    "Bookmark",
     "CameraDensity",
     "ClassDensity",
     "ClassReport",
@@ -180,6 +181,7 @@ _MODULES = {
     "Bodies": ".engine.files.bodies",
     "BodyClass": ".engine.problem.body_class",
     "BodyFlags": ".engine.solver.body_flags",
+    "Bookmark": ".engine.solver.solver",
     "CameraDensity": ".esh_scatter.densities.kinds",
     "ClassDensity": ".esh_scatter.densities.kinds",
     "ClassReport": ".engine.problem.report",

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import TracebackType
-from typing import NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 import warp as wp
@@ -50,7 +50,7 @@ from .surface_places import PlacesOnSurface, spots_of_places
 from .surface_rare_start import rare_start_on_surface
 from .surface_state import SurfaceState
 
-__all__ = ["Edit", "Progress", "Solver", "is_stop"]
+__all__ = ["Bookmark", "Edit", "Progress", "Solver", "is_stop"]
 
 # RMS move over local spacing at which a run has converged: later steps change no figure of the report.
 TOLERANCE = 2e-4
@@ -125,6 +125,15 @@ class Edit(NamedTuple):
     steps: int
 
 
+@dataclass(frozen=True, eq=False)
+class Bookmark:
+    """A problem and its bodies as a :class:`Solver` had them before an edit, ready to go on: see :meth:`Solver.bookmark`."""
+
+    model: Model
+    descent: Descent | SurfaceDescent
+    next_identity: int
+
+
 class Solver:
     """Places the bodies of a problem, step by step; :func:`~esh.engine.solve.solve` does all of it at once.
 
@@ -137,6 +146,7 @@ class Solver:
         profile: Gets the seconds that every phase takes.
         flags: :class:`~.body_flags.BodyFlags` of every body, shape ``[body_count]``; by default none is special.
         launcher: Where to run, instead of ``device`` and ``profile``; it is left open.
+        at: Where bodies are, by the names of what :meth:`start_at` takes: the same as calling that next, in half the time.
 
     Attributes:
         model: The compiled problem.
@@ -162,6 +172,7 @@ class Solver:
         profile: Profile | None = None,
         flags: np.ndarray | None = None,
         launcher: Launcher | None = None,
+        at: Mapping[str, Any] | None = None,
     ) -> None:
         if profile is not None:
             check_is(profile, Profile, "`profile`")
@@ -170,6 +181,7 @@ class Solver:
         self.launcher = launcher or Launcher(resolve_device(device), profile)
         self._is_shared = launcher is not None
         self._left_at: np.ndarray | None = None
+        self._bookmarks: list[Bookmark] = []
         try:
             check_is(problem, Problem, "`problem`")
             if state is not None:
@@ -180,7 +192,7 @@ class Solver:
             with self.launcher.phase("set-up"):
                 self.model = placed = Model(problem, flags)
                 on_surface = isinstance(problem.domain, Surface)
-                afresh = state is None and flags is None
+                afresh = state is None and flags is None and at is None
                 self._border: NaturalBorder | None = None
                 if afresh and isinstance(problem.domain, Domain) and problem.domain.natural:
                     self._border = NaturalBorder(self.launcher, problem)
@@ -190,14 +202,16 @@ class Solver:
                     # Of a few bodies the best of several starts is found; a state, or who pins bodies, says where they are.
                 rare = None
                 self.descent: Descent | SurfaceDescent
-                if on_surface:
+                self._spreads, self._next_identity = 0, int(self.model.body.identity.max()) + 1
+                if at is not None:
+                    self.start_at(**at)
+                elif on_surface:
                     start = rare_start_on_surface(self.launcher, problem) if afresh else None
                     self.descent = SurfaceDescent(placed, self.launcher, start)
                 else:
                     if afresh and number_of_starts(placed) < 2:
                         rare = rare_starts(self.launcher, problem)
                     self.descent = Descent(placed, self.launcher)
-                self._spreads, self._next_identity = 0, int(self.model.body.identity.max()) + 1
                 if state is not None:
                     self.start_from(state)
                 elif rare is not None:
@@ -341,7 +355,7 @@ class Solver:
             new.take_over(carried.source, spots, before, old)
             source[:] = carried.source
 
-        self.launcher.release(descent.step)
+        self._let_go(descent)
         self.model, self.descent = model, SurfaceDescent(model, self.launcher, start)
         is_new, gone = source < 0, np.ones(before.body_count, bool)
         gone[source[~is_new]] = False
@@ -364,7 +378,7 @@ class Solver:
         )
         carry_lines(before, old, model, descent.state, carried.source)
         _carry_turns(before, old, model, descent.state, carried)
-        self.launcher.release(self.descent.step)
+        self._let_go(self.descent)
         self.model, self.descent = model, descent
         descent.place_charges()
         if settles:
@@ -379,6 +393,50 @@ class Solver:
             identity = model.body.identity.copy()
             identity[model.fixed] = fixed
             model.body = replace(model.body, identity=identity)
+
+    def bookmark(self) -> Bookmark:
+        """Return what :meth:`go_back` takes to have problem and bodies as they are now, whatever is edited until then.
+
+        It holds all that steps need, until it is dropped or the solver closed. Steps that are taken before the next edit count.
+        """
+        self._cut()
+        self._bookmarks.append(Bookmark(self.model, self.descent, self._next_identity))
+        return self._bookmarks[-1]
+
+    def go_back(self, bookmark: Bookmark) -> None:
+        """Have problem and bodies as they were where the bookmark is; nothing needs to be set up for that.
+
+        Raises:
+            ProblemError: It is another solver's, or was dropped.
+        """
+        self._check_bookmark(bookmark)
+        self._border, before = None, self.descent
+        self.model, self.descent = bookmark.model, bookmark.descent
+        # Who came since has an identity that nobody else gets.
+        self._next_identity = max(self._next_identity, bookmark.next_identity)
+        if before is not self.descent:
+            self._let_go(before)
+
+    def drop(self, bookmark: Bookmark) -> None:
+        """Let go of what a bookmark holds.
+
+        Raises:
+            ProblemError: It is another solver's, or was dropped.
+        """
+        self._check_bookmark(bookmark)
+        self._bookmarks = [one for one in self._bookmarks if one is not bookmark]
+        if bookmark.descent is not vars(self).get("descent"):
+            self._let_go(bookmark.descent)
+
+    def _check_bookmark(self, bookmark: object) -> None:
+        check_is(bookmark, Bookmark, "`bookmark`")
+        if all(one is not bookmark for one in self._bookmarks):
+            raise ProblemError("`bookmark` must be one of this Solver that was not dropped")
+
+    def _let_go(self, descent: Descent | SurfaceDescent) -> None:
+        """Release a descent that this solver does not need, unless a bookmark holds it."""
+        if all(one.descent is not descent for one in self._bookmarks):
+            self.launcher.release(descent.step)
 
     @property
     def state(self) -> State | SurfaceState:
@@ -429,7 +487,7 @@ class Solver:
             ProblemError: Another number of bodies, a place that is no finite number or not on the surface, identities that are none.
         """
         model, body = self.model, self.model.body
-        on_surface = isinstance(self.descent, SurfaceDescent)
+        on_surface = isinstance(model.problem.domain, Surface)
         axes = "x, y and z" if on_surface else "x and y"
         position = np.asarray(position, np.float64)
         if position.shape != (model.body_count, 2 + on_surface) or not np.isfinite(position).all():
@@ -445,12 +503,13 @@ class Solver:
             model.body = replace(body, identity=identity.astype(np.int32))
             self._next_identity = int(identity.max()) + 1
         self._take_outlines(variant, scale)
-        if isinstance(self.descent, Descent):
+        before = vars(self).get("descent")
+        if not on_surface:
             # Of those that are placed beyond a border, too, nothing is known here.
-            before = None if self._leave_beyond() else self.descent
-            self._start_in_rectangle(before, position, angle, length)
+            self._start_in_rectangle(None if self._leave_beyond() else before, position, angle, length)
             return
-        self.launcher.release(self.descent.step)
+        if before is not None:
+            self._let_go(before)
         n = model.body_count
         known = PlacesOnSurface(
             position,
@@ -498,7 +557,7 @@ class Solver:
                 given = is_line & (length > 0.0)
                 start[given, 3] = length[given] / model.unit
         if before is not None:
-            self.launcher.release(before.step)
+            self._let_go(before)
         self.descent = descent = Descent(model, self.launcher, pose=start)
         if angle is not None:
             given = model.footprints.is_outline & ~is_line & ~model.fixed
@@ -652,7 +711,7 @@ class Solver:
         placement = self.placement()
         # Whoever was told how the run goes may ask where bodies are even now.
         self._left_at = placement.position
-        self.launcher.release(self.descent.step)
+        self._let_go(self.descent)
         del self.descent
         return placement
 
@@ -660,7 +719,10 @@ class Solver:
         """Give the threads back, unless they are somebody else's; nothing can be stepped after that."""
         if not self._is_shared:
             self.launcher.close()
-        elif "descent" in vars(self):
+            return
+        for bookmark in self._bookmarks.copy():
+            self.drop(bookmark)
+        if "descent" in vars(self):
             self.launcher.release(self.descent.step)
             del self.descent
 

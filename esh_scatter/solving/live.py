@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import time
+import weakref
 import zlib
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -81,6 +82,8 @@ class _Live:
         # What was written last, and a checksum of the points then: undo may have put others in their place.
         self._shown: ScatterJob | None = None
         self._points: int | None = None
+        # What was written before, by these checksums, as long as the solver can go back to it.
+        self._earlier: weakref.WeakValueDictionary[int, ScatterJob] = weakref.WeakValueDictionary()
         # And what it was made with, and its report.
         self._written: tuple[str, str] | None = None
         self._submitted_at = 0.0
@@ -213,7 +216,14 @@ class _Live:
         few_steps = before is not None and scatter.only_counts_changed(record)
         self._told, self._record = made_with, record
         self._submitted_at = time.perf_counter()
-        self._worker.submit(Request(job, made_with, anew, None if anew else places, before, few_steps, ready_only))
+        back_to = None
+        if first and result is not None and (points := _points_of(result)) is not None:
+            back_to = self._earlier.get(points)
+            if back_to is None and not anew:
+                # It begins with these.
+                self._earlier[points] = job if before is None else before[0]
+        start_at = None if anew else places
+        self._worker.submit(Request(job, made_with, anew, start_at, before, few_steps, ready_only, back_to))
 
     def _show(self, context: bpy.types.Context, scatter: Scatter, outcome: Outcome) -> None:
         """Write what came out into the result."""
@@ -243,6 +253,8 @@ class _Live:
         if self._shown is not job:
             _show_since(scatter, job, result)
             self._shown, self._points = job, _points_of(result)
+            if self._points is not None:
+                self._earlier[self._points] = job
         self._written = scatter.ran_with, scatter.report_json
         running.redraw_sidebars()
 

@@ -6,7 +6,7 @@ import copy
 import threading
 import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from ...engine.problem.placement import Placement
 from ...engine.problem.problem import Problem
 from ...engine.problem.surface import Surface
 from ...engine.quality.measurement import measure
-from ...engine.solver.solver import Progress, Solver
+from ...engine.solver.solver import Bookmark, Progress, Solver
 from ..classes.survey import Survey
 from ..result.words import EVEN, unevenness
 
@@ -27,6 +27,8 @@ __all__ = ["LiveWorker", "Outcome", "Request"]
 
 # What looks uneven after the few steps of an edit, and so many times as uneven as it was, takes as many steps as a run.
 MUCH_LESS_EVEN = 2.0
+# Results that undo can go back to without anything being set up anew, and how many objects they have together at most.
+MOST_EARLIER, MOST_BODIES_EARLIER = 4, 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,7 @@ class Request:
         before: Where they are other ones than this request asks for: a job that asks for just these, and where these are; or None.
         few_steps: Whether nothing but counts and classes are other ones, so that few steps will do, and what is far stays.
         ready_only: Whether they are where this request would have them, so that there is nothing to solve yet.
+        back_to: The job that has placed them where they are, if it was one of this worker.
     """
 
     job: ScatterJob
@@ -50,6 +53,7 @@ class Request:
     before: tuple[ScatterJob, KeptPlaces] | None = None
     few_steps: bool = False
     ready_only: bool = False
+    back_to: ScatterJob | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +73,13 @@ class Outcome:
     seconds: float = 0.0
 
 
+class _Earlier(NamedTuple):
+    """A job that was shown, and where the solver goes back to for going on from there."""
+
+    job: ScatterJob
+    bookmark: Bookmark
+
+
 class LiveWorker:
     """Solves requests one after the other; of those that wait only the last one.
 
@@ -85,6 +96,9 @@ class LiveWorker:
         self._ended = False
         self._solver: Solver | None = None
         self._made: ScatterJob | None = None
+        # The job that was shown last, if nothing has moved since; and those before it.
+        self._shown: ScatterJob | None = None
+        self._earlier: list[_Earlier] = []
         # Steps of an edit that a solver began with.
         self._edited = 0
         # How uneven the last placement was that was measured.
@@ -157,7 +171,11 @@ class LiveWorker:
         job.survey = self._survey
         job.prepare()
         in_full = False
-        if self._can_go_on(request):
+        if self._goes_back(request):
+            if request.ready_only:
+                return
+            steps = self._edit(job)
+        elif self._can_go_on(request):
             steps = self._edit(job)
         else:
             self._unevenness = 0.0
@@ -168,6 +186,7 @@ class LiveWorker:
             assert self._solver is not None
             steps = self._edited
             in_full = not steps
+            self._shown = None
             if in_full:
                 steps, _ = self._solver.run(job.settings.max_steps, self._keep)
                 self._solver.separate(self._go_on, again=started)
@@ -177,6 +196,7 @@ class LiveWorker:
         measured = self._show(request, job, steps, start)
         if in_full or not measured or self._unevenness <= max(EVEN, MUCH_LESS_EVEN * before):
             return
+        self._shown = None
         more, _ = self._solver.run(job.settings.max_steps, self._keep)
         self._solver.separate(self._go_on, again=True)
         if self._go_on():
@@ -190,6 +210,7 @@ class LiveWorker:
         request, placement = replace(request, job=job), self._solver.placement()
         job.stand(placement)
         self._publish(Outcome(request, placement, seconds=time.perf_counter() - start))
+        self._shown = job
         if not self._go_on():
             return False
         report = measure(placement, self._solver.launcher)
@@ -201,6 +222,8 @@ class LiveWorker:
 
     def _edit(self, job: ScatterJob) -> int:
         assert self._solver is not None
+        self._remember()
+        self._shown = None
         try:
             return self._solver.edit(job.problem).steps
         except EshError:
@@ -208,12 +231,48 @@ class LiveWorker:
             self._close()
             raise
 
-    def _can_go_on(self, request: Request) -> bool:
-        if self._solver is None or self._made is None or request.anew or request.start is not None:
+    def _remember(self, wanted: _Earlier | None = None) -> None:
+        """Let undo come back to what was shown last; what is too much is forgotten, the oldest first, but nothing that is wanted."""
+        if self._solver is None or self._shown is None or any(one.job is self._shown for one in self._earlier):
+            return
+        self._earlier.append(_Earlier(self._shown, self._solver.bookmark()))
+        for oldest in self._earlier.copy():
+            if len(self._earlier) <= MOST_EARLIER and self._bodies_earlier() <= MOST_BODIES_EARLIER:
+                break
+            if oldest is not wanted:
+                self._earlier.remove(oldest)
+                self._solver.drop(oldest.bookmark)
+
+    def _bodies_earlier(self) -> int:
+        return sum(one.bookmark.model.body_count for one in self._earlier)
+
+    def _goes_back(self, request: Request) -> bool:
+        """Go back to the job that has placed bodies where they are, if that can be gone on from; tell whether it is so."""
+        earlier = next((one for one in self._earlier if one.job is request.back_to), None)
+        is_there = request.back_to is not None and request.back_to is self._shown
+        if self._solver is None or request.anew or not (earlier or is_there):
             return False
-        before, now = self._solver.model.problem.domain, request.job.problem.domain
-        same = before is now if isinstance(before, Surface) else before == now
-        return same and request.job.device == self._made.device
+        if not self._is_alike(request, earlier.bookmark.model.problem if earlier else self._solver.model.problem):
+            return False
+        if earlier is not None and not is_there:
+            # Redo may come back to what is there now.
+            self._remember(earlier)
+            self._earlier.remove(earlier)
+            self._earlier.append(earlier)
+            self._solver.go_back(earlier.bookmark)
+        self._made = self._shown = request.back_to
+        return True
+
+    def _can_go_on(self, request: Request) -> bool:
+        if self._solver is None or request.anew or request.start is not None:
+            return False
+        return self._is_alike(request, self._solver.model.problem)
+
+    def _is_alike(self, request: Request, before: Problem) -> bool:
+        """Tell whether a request is for the same ground and device as a problem of this solver."""
+        domain, now = before.domain, request.job.problem.domain
+        same = domain is now if isinstance(domain, Surface) else domain == now
+        return self._made is not None and same and request.job.device == self._made.device
 
     def _begin(self, request: Request) -> bool:
         """Make a solver for the request; tell whether it starts where bodies are."""
@@ -221,8 +280,9 @@ class LiveWorker:
         self._edited = 0
         problem, places = request.job.problem, request.start
         if places is not None and self._are_those(problem, places):
-            self._solver = Solver(problem, device=request.job.settings.device)
-            self._solver.start_at(**request.job.start_of(places))
+            at = request.job.start_of(places)
+            self._solver = Solver(problem, device=request.job.settings.device, at=at)
+            self._shown = request.job
             return True
         if request.before is None:
             self._solver = Solver(problem, device=request.job.settings.device)
@@ -233,8 +293,9 @@ class LiveWorker:
         if not self._are_those(before.problem, places):
             self._solver = Solver(problem, device=request.job.settings.device)
             return False
-        self._solver = Solver(before.problem, device=before.settings.device)
-        self._solver.start_at(**before.start_of(places))
+        self._solver = Solver(before.problem, device=before.settings.device, at=before.start_of(places))
+        self._shown = before
+        self._remember()
         self._edited = self._solver.edit(problem, **({} if request.few_steps else {"steps": 0})).steps
         return True
 
@@ -258,6 +319,7 @@ class LiveWorker:
                 self._outcome = outcome
 
     def _close(self) -> None:
-        solver, self._solver, self._made = self._solver, None, None
+        solver, self._solver, self._made, self._shown = self._solver, None, None, None
+        self._earlier.clear()
         if solver is not None:
             solver.close()

@@ -301,6 +301,74 @@ def test_undo_is_followed(scatter, follow):
     assert len(points("Pine")) == active().classes["Pine"].sizes[0].count == 260 and not active().outdated
 
 
+@pytest.mark.parametrize("surface", ["ABOVE", "WHOLE"])
+def test_undo_goes_back_to_the_solver_of_that_time(scatter, follow, monkeypatch, surface):
+    from esh.esh_scatter.solving import live_worker
+
+    made = []
+
+    class Counted(live_worker.Solver):
+        def __init__(self, *arguments, **named):
+            made.append(1)
+            super().__init__(*arguments, **named)
+
+    monkeypatch.setattr(live_worker, "Solver", Counted)
+    scatter.surface = surface
+    bpy.ops.ed.undo_push(message="before")
+    there = switch_on(scatter, follow)
+    bpy.ops.ed.undo_push(message="live")
+    assert len(made) == 1
+
+    def ask(count):
+        active().classes["Pine"].sizes[0].count = count
+        bpy.ops.ed.undo_push(message="count")
+        follow()
+        assert len(points("Pine")) == count and not active().outdated
+
+    ask(220)
+    ask(240)
+    bpy.ops.ed.undo()
+    follow()
+    assert len(points("Pine")) == 220 and not active().outdated
+    bpy.ops.ed.undo()
+    follow()
+    assert moved(there, points()).max() == 0.0 and not active().outdated
+    bpy.ops.ed.redo()
+    follow()
+    assert len(points("Pine")) == 220
+    ask(250)
+    for _ in range(3):
+        bpy.ops.ed.undo()
+        follow()
+        bpy.ops.ed.redo()
+        follow()
+    assert len(points("Pine")) == 250 and not active().outdated
+    assert live.status(bpy.context.scene, active()) == "" and len(made) == 1
+    # What was moved by hand, or is made for another target, is nowhere to go back to.
+    bpy.data.objects["Ground"].scale.x = 1.2
+    bpy.ops.ed.undo_push(message="scaled")
+    follow()
+    bpy.ops.ed.undo()
+    follow()
+    assert live.status(bpy.context.scene, active()) == "" and not active().outdated and len(made) > 1
+
+
+def test_only_so_many_results_are_there_to_go_back_to(scatter, follow, monkeypatch):
+    from esh.esh_scatter.solving import live_worker
+
+    switch_on(scatter, follow)
+    (one,) = live._followed.values()
+    for count in range(210, 290, 10):
+        scatter.classes["Pine"].sizes[0].count = count
+        follow()
+    worker = one._worker
+    assert len(worker._earlier) == live_worker.MOST_EARLIER == len(worker._solver._bookmarks)
+    monkeypatch.setattr(live_worker, "MOST_BODIES_EARLIER", 1000)
+    scatter.classes["Pine"].sizes[0].count = 200
+    follow()
+    assert len(worker._earlier) == 2 == len(worker._solver._bookmarks)
+
+
 def a_class_of_a_collection(scatter):
     collection = bpy.data.collections.new("Kinds")
     collection.objects.link(bpy.data.objects.new("One", bpy.data.objects["Pine"].data))

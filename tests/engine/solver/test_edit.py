@@ -19,6 +19,8 @@ from esh import (
     ProblemError,
     Size,
     Solver,
+    Surface,
+    SurfaceMesh,
 )
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
@@ -544,3 +546,61 @@ def test_fixed_bodies_in_one_place_keep_different_identities():
     twice = before.id[before.fixed][[0, 2]].tolist()
     assert then.id[then.fixed][:2].tolist() == twice
     assert not set(then.id[then.fixed][2:].tolist()) & set(before.id.tolist())
+
+
+def flat_surface():
+    corners = np.array([(0.0, 0.0, 0.0), (64.0, 0.0, 0.0), (64.0, 64.0, 0.0), (0.0, 64.0, 0.0)])
+    return Surface(SurfaceMesh(corners, [[0, 1, 2], [0, 2, 3]]))
+
+
+@pytest.mark.parametrize(
+    "domain", [DOMAIN, Domain((64.0, 64.0), "natural"), flat_surface()], ids=["open", "natural", "surface"]
+)
+def test_a_solver_goes_back_to_a_bookmark_at_once(domain):
+    def asked(count):
+        return Problem(domain, [BodyClass("k", [Size("a", 0.2, count)])], seed=1, avoid_overlap=True)
+
+    with Solver(asked(300), device="cpu") as solver, Solver(asked(300), device="cpu") as other:
+        solver.run(20)
+        first = solver.bookmark()
+        before = solver.placement()
+        solver.edit(asked(360))
+        second, after = solver.bookmark(), solver.placement()
+        solver.edit(asked(200))
+        for bookmark, there in ((first, before), (second, after), (second, after), (first, before)):
+            solver.go_back(bookmark)
+            now = solver.placement()
+            np.testing.assert_array_equal(now.position, there.position)
+            np.testing.assert_array_equal(now.id, there.id)
+        # From there it goes on, and whoever comes has an identity that nobody had.
+        solver.edit(asked(310))
+        came = np.setdiff1d(solver.placement().id, before.id)
+        assert len(came) == 10 and came.min() > after.id.max()
+        assert len(solver.placement().position) == 310
+        solver.drop(second)
+        for wrong in (second, other.bookmark()):
+            with pytest.raises(ProblemError, match="`bookmark` must be one of this Solver that was not dropped"):
+                solver.go_back(wrong)
+        solver.go_back(first)
+        solver.drop(first)
+        np.testing.assert_array_equal(solver.placement().position, before.position)
+        solver.step(2)
+
+
+@pytest.mark.parametrize(
+    "domain", [DOMAIN, Domain((64.0, 64.0), "natural"), flat_surface()], ids=["open", "natural", "surface"]
+)
+def test_a_solver_is_made_where_bodies_are(domain):
+    problem = Problem(domain, [BodyClass("k", [Size("a", 0.2, 300)])], seed=1)
+    with Solver(problem, device="cpu") as solver:
+        solver.run(20)
+        position = solver.placement().position
+    with Solver(problem, device="cpu") as asked, Solver(problem, device="cpu", at={"position": position}) as made:
+        asked.start_at(position)
+        np.testing.assert_array_equal(made.placement().position, asked.placement().position)
+        np.testing.assert_allclose(made.placement().position, position, atol=1e-4)
+        made.step(3)
+        asked.step(3)
+        np.testing.assert_array_equal(made.placement().position, asked.placement().position)
+    with pytest.raises(ProblemError, match="`position` must hold"):
+        Solver(problem, device="cpu", at={"position": position[1:]})
