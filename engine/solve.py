@@ -84,7 +84,8 @@ def solve_on(
         watched = _Watched(progress)
         solver.choose_start(max_steps, None if progress is None else watched.at_times)
         steps, converged = solver.run(max_steps, None if progress is None else watched)
-        solver.separate(None if progress is None else watched.go_on)
+        if watched.go_on():
+            solver.separate(None if progress is None else watched.go_on)
         with solver.launcher.phase("report"):
             placement = solver.last_placement()
             report = measure(placement, solver.launcher)

@@ -13,6 +13,10 @@ if TYPE_CHECKING:
 __all__ = ["BackgroundRun"]
 
 
+class _AbandonedError(Exception):
+    """Raised in a run whose answer nobody wants any more, so that nothing is done for it."""
+
+
 class BackgroundRun:
     """Runs ``solve(progress)`` in a daemon thread, so that quitting Blender never waits for it.
 
@@ -22,13 +26,13 @@ class BackgroundRun:
     Attributes:
         progress: The last :class:`~esh.engine.solver.solver.Progress`, None before the first.
         error: What ``solve`` raised, or None.
-        stopped: Whether :meth:`stop` was called.
+        stopped: Whether :meth:`stop` or :meth:`abandon` was called.
     """
 
     def __init__(self, solve: Callable[[Callable[[Progress], bool]], object]) -> None:
         self.progress: Progress | None = None
         self.error: BaseException | None = None
-        self.stopped = False
+        self.stopped = self._abandoned = False
         self._started = time.monotonic()
         self._solve = solve
         self._thread = threading.Thread(target=self._work, name="ESH Scatter", daemon=True)
@@ -45,19 +49,27 @@ class BackgroundRun:
         return self._thread.is_alive()
 
     def stop(self) -> None:
-        """Ask the run to end at its next step; returns at once."""
+        """Ask the run to end at its next step, with an answer; returns at once."""
         self.stopped = True
+
+    def abandon(self) -> None:
+        """Have the run end at its next step, without an answer; returns at once."""
+        self.stopped = self._abandoned = True
 
     def join(self, seconds: float) -> None:
         """Wait for the end of the run, ``seconds`` at most."""
         self._thread.join(seconds)
 
     def _keep_progress(self, progress: Progress) -> bool:
+        if self._abandoned:
+            raise _AbandonedError
         self.progress = progress
         return not self.stopped
 
     def _work(self) -> None:
         try:
             self._solve(self._keep_progress)
+        except _AbandonedError:  # its traceback would hold all that the solver held
+            pass
         except BaseException as error:  # handed to the main thread, which tells the user
             self.error = error

@@ -99,8 +99,9 @@ class Session:
 
     def _see(self, now: Progress, progress: Callable[[Progress], bool]) -> bool:
         """Look where bodies are, in the solver's thread; answer whether the run is to go on."""
+        go_on = progress(now)
         self.bodies.see(now)
-        return progress(now)
+        return go_on
 
     @property
     def scene(self) -> bpy.types.Scene:
@@ -172,7 +173,7 @@ def start(context: bpy.types.Context, job: Any) -> None:
 def stop(reason: str) -> None:
     """Ask the run to end early; the operator reports ``reason`` at its next event."""
     if session is not None:
-        session.run.stop()
+        session.run.abandon()
         session.stop_reason = session.stop_reason or reason
 
 
@@ -192,7 +193,7 @@ def end(wait: bool = False) -> None:
         if _interrupt in handlers:
             handlers.remove(_interrupt)
     if ended is not None:
-        ended.run.stop()
+        ended.run.abandon()
         ended.bodies.end()
         _stopping = ended.run
         bpy.context.window_manager.event_timer_remove(ended.timer)

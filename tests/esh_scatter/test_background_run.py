@@ -35,6 +35,21 @@ def test_a_stop_reaches_the_solver_at_its_next_step():
     assert not run.running and run.stopped and run.error is None
 
 
+def test_what_is_abandoned_ends_at_its_next_step_without_an_answer():
+    asked, answered = threading.Event(), []
+
+    def solve(progress):
+        while progress("a step"):
+            asked.set()
+        answered.append(1)
+
+    run = BackgroundRun(solve)
+    assert asked.wait(30)
+    run.abandon()
+    run.join(30)
+    assert not run.running and run.stopped and run.error is None and not answered
+
+
 def test_an_error_is_kept_and_not_printed(capfd):
     def solve(_progress):
         raise ValueError("no such thing")
