@@ -168,6 +168,8 @@ def select_points(operator: bpy.types.Operator, context: bpy.types.Context, chos
     result.data.vertices.foreach_set("select", chosen)
     context.tool_settings.mesh_select_mode = (True, False, False)
     bpy.ops.object.mode_set(mode="EDIT")
+    # Whatever stands on the points of a selected object has an outline, also where its point is not selected.
+    result.select_set(False)
     return {"FINISHED"}
 
 

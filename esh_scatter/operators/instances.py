@@ -60,6 +60,7 @@ class ESH_OT_instances_edit(_OnResult):
         assert result is not None
         if result.mode == "EDIT":
             bpy.ops.object.mode_set(mode="OBJECT")
+            result.select_set(True)
             return {"FINISHED"}
         return select_points(self, context, np.zeros(len(result.data.vertices), bool))
 

@@ -292,9 +292,14 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
     """Say what is missing, what has changed since the last run, or how that went."""
     obstacle = scatter.obstacle(context.scene)
     if obstacle:
-        write_text(context, column, obstacle, icon="INFO")
-        if obstacle == NOT_SEEN:
-            column.prop_enum(scatter, "surface", "WHOLE")
+        if obstacle != NOT_SEEN:
+            write_text(context, column, obstacle, icon="INFO")
+            return
+        # What to do about it is a button.
+        write_text(context, column, obstacle.partition(":")[0], icon="INFO")
+        row = column.row()
+        row.use_property_split = False
+        row.prop_enum(scatter, "surface", "WHOLE")
         return
     report = scatter.report
     # The dearest part of drawing: made once.

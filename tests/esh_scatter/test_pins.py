@@ -163,10 +163,12 @@ def test_points_are_picked_in_edit_mode(made):
     result = made.result
     assert result.mode == "EDIT" and bpy.context.view_layer.objects.active == result
     assert made.result_in(bpy.context.scene) == result
+    assert not result.select_get(), "all that stands on a selected object has an outline"
     assert bpy.ops.esh.instances_pin() == {"CANCELLED"}, "none is selected"
     bpy.ops.mesh.select_all(action="SELECT")
     bpy.ops.transform.translate(value=(0.25, 0.0, 0.0))
     assert bpy.ops.esh.instances_edit() == {"FINISHED"} and result.mode == "OBJECT"
+    assert result.select_get() and bpy.context.view_layer.objects.active == result
     assert pins.moved_by_hand(result.data).all()
     select(result.data, [3])
     bpy.ops.esh.instances_edit()
