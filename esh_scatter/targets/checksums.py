@@ -31,6 +31,7 @@ __all__ = [
     "of_shape",
     "of_weights",
     "pose_of",
+    "worked_out",
 ]
 
 # Seconds for which a number is told again, at least, and in times of what it took to work it out: drawing spends 3 % on it at most.
@@ -107,17 +108,17 @@ def of_image(image: bpy.types.Image | None) -> int:
     """Return the number of an image's pixels; of one with tiles the first tile's."""
     if image is None:
         return 0
-    return _worked_out(("image", image.session_uid), lambda: _image_number(image))
+    return worked_out(("image", image.session_uid), lambda: _image_number(image))
 
 
 def of_shape(item: bpy.types.Object) -> int:
     """Return the number of a mesh object's vertices and corners, as they are stored and as its modifiers make them."""
-    return _worked_out(("shape", item.session_uid), lambda: _shape_number(item))
+    return worked_out(("shape", item.session_uid), lambda: _shape_number(item))
 
 
 def of_object(item: bpy.types.Object) -> int:
     """Return the number of an object to place: its shape, rotation and scale; where it stands does not count."""
-    return _worked_out(("object", item.session_uid), lambda: _object_number(item))
+    return worked_out(("object", item.session_uid), lambda: _object_number(item))
 
 
 def of_members(members: Sequence[bpy.types.Object]) -> int:
@@ -135,17 +136,17 @@ def of_collection(collection: bpy.types.Collection) -> int:
 
 def of_weights(item: bpy.types.Object, name: str) -> int:
     """Return the number of a vertex group's weights; of a large mesh, those of every so many vertices."""
-    return _worked_out(("weights", item.session_uid, name), lambda: _weights_number(item, name))
+    return worked_out(("weights", item.session_uid, name), lambda: _weights_number(item, name))
 
 
 def of_attribute(item: bpy.types.Object, name: str) -> int:
     """Return the number of an attribute's or a UV map's values; the active UV map where the name is empty."""
-    return _worked_out(("attribute", item.session_uid, name), lambda: _attribute_number(item, name))
+    return worked_out(("attribute", item.session_uid, name), lambda: _attribute_number(item, name))
 
 
 def of_points(result: bpy.types.Object) -> int:
     """Return the number of what stands on a result's points: where, how turned and how large."""
-    return _worked_out(("points", result.session_uid), lambda: _points_number(result))
+    return worked_out(("points", result.session_uid), lambda: _points_number(result))
 
 
 def pose_of(item: bpy.types.Object) -> list[list[float]]:
@@ -153,8 +154,8 @@ def pose_of(item: bpy.types.Object) -> list[list[float]]:
     return [[round(value, DECIMALS + 1) for value in row] for row in item.matrix_world]
 
 
-def _worked_out(key: tuple[Any, ...], work: Callable[[], int]) -> int:
-    """Return a number that was worked out lately, or work it out."""
+def worked_out(key: tuple[Any, ...], work: Callable[[], int]) -> int:
+    """Return a number that was worked out lately, or work it out; ``key`` tells what it is of from all others."""
     global _old
     start = time.perf_counter()
     known = _kept.get(key)

@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from ...engine.surface.chart import NARROWEST, SMALLEST_COVER
+from . import checksums
 from .evaluated_mesh import in_world
 from .target import world_matrix
 
@@ -20,11 +21,17 @@ FIRST_FACES = 16
 def have_no_top(objects: Sequence[bpy.types.Object]) -> bool:
     """Tell whether nothing of some mesh objects is visible from above, as the engine judges it; False where that is not known.
 
-    It costs next to nothing where there is a top, so that drawing may ask.
+    It costs next to nothing where there is a top, and is told again for a while where there is none, so that drawing may ask.
     """
     meshes = [(mesh, world_matrix(item, bpy.context)) for item in objects if (mesh := _mesh_of(item)) is not None]
     if len(meshes) < len(objects) or not meshes or any(_has_top_at_once(item) for item in meshes):
         return False
+    key = "top", *(item.session_uid for item in objects)
+    return bool(checksums.worked_out(key, lambda: int(_show_no_top(meshes))))
+
+
+def _show_no_top(meshes: Sequence[tuple[bpy.types.Mesh, np.ndarray]]) -> bool:
+    """Look at all triangles of meshes in the world."""
     low, high, area = np.full(3, np.inf), np.full(3, -np.inf), 0.0
     for mesh, matrix in meshes:
         corner = _corners(mesh, matrix)
