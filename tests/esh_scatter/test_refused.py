@@ -206,6 +206,7 @@ OF_SCRIPTS = {
     "problem/problem.py Problem.__init__": 3,
     "problem/problem.py Problem._with_fixed": 2,
     "problem/problem.py Problem.rectangle": 1,
+    "solver/solver.py Solver._check_bookmark": 1,
     "solver/solver.py Solver.__getattr__": 1,
     "solver/solver.py Solver.edit": 2,
     "solver/solver.py Solver.start_at": 2,
