@@ -49,8 +49,10 @@ def spread(
         descent.step.play(STEPS)
     position = position_in_meters(model, descent.state, launcher)
     launcher.release(descent.step)
-    for number, i in enumerate(asked):
-        result[i] = position[model.body.class_index == number]
+    # Bodies are in the order of their classes.
+    ends = np.cumsum([counts[i] for i in asked])
+    for i, end in zip(asked, ends, strict=True):
+        result[i] = position[end - counts[i] : end]
     return result
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import warp as wp
@@ -28,6 +29,8 @@ OPEN_MARGIN = 2
 # Nodes between the farthest pair and the wrap of an open mesh: the kernel has a kink there, and the optimal influence
 # function spreads it over a few nodes.
 WRAP_GUARD = 6
+# Windows of so many lengths are kept: a field asks for the same ones ten times.
+WINDOWS_KEPT = 8
 
 
 @dataclass(frozen=True)
@@ -77,10 +80,13 @@ class MeshLayout:
         return _window(self.padded[0]), _window(self.padded[1])
 
 
+@lru_cache(maxsize=WINDOWS_KEPT)
 def _window(count: int) -> np.ndarray:
     theta = 2.0 * np.pi * np.arange(count // 2 + 1) / count
     aliases = (2416.0 + 2382.0 * np.cos(theta) + 240.0 * np.cos(2.0 * theta) + 2.0 * np.cos(3.0 * theta)) / 5040.0
-    return np.sinc(theta / (2.0 * np.pi)) ** 8 / aliases**2 / count
+    window = np.sinc(theta / (2.0 * np.pi)) ** 8 / aliases**2 / count
+    window.setflags(write=False)
+    return window
 
 
 def periodic_mesh(space: Space, wanted: float, *, on_gpu: bool) -> MeshLayout:
