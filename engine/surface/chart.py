@@ -22,6 +22,7 @@ from ..problem.slopes import LEVEL, slope_of_normal
 from .surface_points import SurfacePoints
 from .top_view import TopView
 from .triangle_mesh import TriangleMesh
+from .upper_side import NARROWEST, SMALLEST_COVER
 
 __all__ = ["Chart"]
 
@@ -32,10 +33,6 @@ INSIDE = 1.0 - 1e-4
 MOST_CUT = 0.2
 # Smallest z of a normal that slopes are accounted for with (84 degrees): a cliff is not worth a forest.
 SMALLEST_COSINE = 0.1
-# Share of the bounding rectangle that must be covered by faces seen from above for the target to have an upper side.
-SMALLEST_COVER = 1e-6
-# And the shorter side of what is seen from above is at least this share of the longest.
-NARROWEST = 1e-6
 
 
 class Chart:

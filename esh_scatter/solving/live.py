@@ -82,7 +82,7 @@ class _Live:
         # What was written last, and a checksum of the points then: undo may have put others in their place.
         self._shown: ScatterJob | None = None
         self._points: int | None = None
-        # What was written before, by these checksums, as long as the solver can go back to it.
+        # What was written before, by checksums of all that stands there, as long as the solver can go back to it.
         self._earlier: weakref.WeakValueDictionary[int, ScatterJob] = weakref.WeakValueDictionary()
         # And what it was made with, and its report.
         self._written: tuple[str, str] | None = None
@@ -217,11 +217,12 @@ class _Live:
         self._told, self._record = made_with, record
         self._submitted_at = time.perf_counter()
         back_to = None
-        if first and result is not None and (points := _points_of(result)) is not None:
-            back_to = self._earlier.get(points)
+        if first and result is not None and _points_of(result) is not None:
+            stands = _standing_of(result)
+            back_to = self._earlier.get(stands)
             if back_to is None and not anew:
                 # It begins with these.
-                self._earlier[points] = job if before is None else before[0]
+                self._earlier[stands] = job if before is None else before[0]
         start_at = None if anew else places
         self._worker.submit(Request(job, made_with, anew, start_at, before, few_steps, ready_only, back_to))
 
@@ -254,7 +255,7 @@ class _Live:
             _show_since(scatter, job, result)
             self._shown, self._points = job, _points_of(result)
             if self._points is not None:
-                self._earlier[self._points] = job
+                self._earlier[_standing_of(result)] = job
         self._written = scatter.ran_with, scatter.report_json
         running.redraw_sidebars()
 
@@ -413,6 +414,12 @@ def _points_of(result: bpy.types.Object | None) -> int | None:
     position = np.empty(3 * len(result.data.vertices), np.float32)
     result.data.attributes["position"].data.foreach_get("vector", position)
     return zlib.crc32(position.tobytes())
+
+
+def _standing_of(result: bpy.types.Object) -> int:
+    """Return a checksum of what stands on a result's points, and how."""
+    with checksums.now():
+        return checksums.of_points(result)
 
 
 def _stroke() -> str | None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 
-from ...engine.surface.chart import NARROWEST, SMALLEST_COVER
+from ...engine.surface.upper_side import NARROWEST, SMALLEST_COVER
 from . import checksums
 from .evaluated_mesh import in_world
 from .target import world_matrix
