@@ -5,7 +5,7 @@ from __future__ import annotations
 import warp as wp
 
 from ..surface.kernels_facets import Facets, interpolated
-from .kernels_points import PointGrid, Points, cell_around, cell_at, slot_of
+from .kernels_points import PointGrid, Points, cell_around, cell_at, side_factor, slot_of
 
 wp.set_module_options({"enable_backward": False})
 
@@ -133,12 +133,6 @@ class NearTarget:
     column_count: wp.int32
     attraction: wp.array(dtype=float)
     share: wp.array(dtype=wp.int32)
-
-
-@wp.func
-def side_factor(one: wp.vec3, other: wp.vec3):
-    """How much two places of a surface see of each other: 1 on one sheet, 1/2 across a right angle, 0 through a thin wall."""
-    return 0.5 + 0.5 * wp.dot(one, other)
 
 
 @wp.func

@@ -20,6 +20,12 @@ class Points:
     label: wp.array(dtype=wp.int32)
 
 
+@wp.func
+def side_factor(one: wp.vec3, other: wp.vec3):
+    """How much two places of a surface see of each other: 1 on one sheet, 1/2 across a right angle, 0 through a thin wall."""
+    return 0.5 + 0.5 * wp.dot(one, other)
+
+
 @wp.struct
 class PointGrid:
     """Cells of points: inverse size of a cell, slots of the table less one, and the points in the order of the slots."""
@@ -267,8 +273,8 @@ def average_normals(
 ):
     """Average, by a Gaussian, of what the surface looks to at points of the same part near every corner of facets.
 
-    ``other_normal`` is their normal times the area that they stand for; what looks away does not count. Cells are as large as
-    ``reach``.
+    Each counts by how much the corner sees of it. ``other_normal`` is their normal times the area that they stand for. Cells are as
+    large as ``reach``.
     """
     i = first + wp.tid()
     place = corner[i]
@@ -281,11 +287,14 @@ def average_normals(
         for s in range(grid.start[slot], grid.start[slot + 1]):
             j = grid.order[s]
             square = wp.length_sq(others.position[j] - place)
-            along = wp.dot(others.normal[j], normal)
-            if square < reach * reach and along > 0.0 and others.label[j] == label[i / 3]:
+            if square < reach * reach and others.label[j] == label[i / 3]:
                 # Others may share the cell's slot.
                 if same_cell(cell_at(others.position[j], grid.inverse_size), around):
-                    total += along * wp.exp(-0.5 * square / (width * width)) * other_normal[j]
+                    total += (
+                        side_factor(others.normal[j], normal)
+                        * wp.exp(-0.5 * square / (width * width))
+                        * other_normal[j]
+                    )
     length = wp.length(total)
     average[i] = normal
     if length > 0.0 and wp.dot(total, normal) > 0.0:

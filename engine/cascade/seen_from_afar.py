@@ -1,12 +1,20 @@
-"""A rough surface as bodies see it that stand far apart: where it looks to on average, as far as they can tell.
+"""A surface with creases or roughness as bodies see it: where it looks to on average, as far as they can tell at their spacing.
 
 How much two places see of each other depends on where the surface looks to at each. On a rock that is rough within the spacing of
 some bodies, that would be chance: of 40 bodies on one whose triangles lean by 30° on average, each saw its neighbors by 0.87 ± 0.1.
 Measured with 40 on that rock, alone, over six seeds: coverage errors at 0.5, 1 and 2 spacings fall from 0.0450, 0.0129 and 0.0032 to
 0.0342, 0.0061 and 0.0014, and the smallest spacing rises from 0.72 to 0.78.
+
+And across a crease it would change all at once, so that bodies stop at either side of it and stand too close there. As an average it
+changes within half a spacing, as if the crease were rounded. Measured with 4,096 bodies, means of four seeds, before and after:
+smallest spacings on a prism of six sides 0.79 and 0.83, on an octahedron 0.76 and 0.81, on a star of 320 triangles 0.69 and 0.73, on
+Blender's Suzanne, each triangle cut in four and smoothed, 0.73 and 0.79; errors at 1 spacing on Suzanne as Blender adds her 0.0059 and
+0.0050. Right angles alone are better left as they are: on a cube 0.85 and 0.84, on a cylinder 0.85 and 0.83.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import warp as wp
@@ -17,7 +25,7 @@ from ..surface.facets import Facets
 from . import kernels_points
 from .points import chosen, empty_points, grid_of, nearest_of, thinned
 
-__all__ = ["is_rough", "seen_from_afar"]
+__all__ = ["looks_other_from_afar", "seen_from_afar"]
 
 # Width of the Gaussian that normals are averaged by, over the spacing. Measured with 40 bodies on the rock: errors at 1 and 2 spacings
 # are .0060 and .0013 with 0.3, .0061 and .0014 with 0.6; of 40 among 4,400 others .0070 and .0013 with 0.5, .0099 and .0026 with 1.
@@ -29,14 +37,22 @@ STEP = 0.6
 # from near and from afar: Suzanne, 0.40, has smallest spacings of 0.766 and 0.772 (16 seeds), a rock, 0.34, of 0.836 and 0.844.
 # Spheres and tori, 0.06 and 0.16, look the same from afar, which takes time.
 ROUGH = 0.3
+# Creases that bend by less than 80° are blunt.
+BLUNT_COSINE = math.cos(math.radians(80.0))
 # Tiny triangles turn by any angle within no distance; they count as no more than this.
 MOST_TURN = 9.0
 # What is the same from near and from afar.
 SHARED = ("mesh", "corner", "normal", "label", "open_sides", "cuts", "first_tile", "first_corner", "relations")
 
 
-def is_rough(facets: Facets) -> bool:
-    """Tell whether a surface turns so much within a unit that what two bodies see of each other is chance."""
+def looks_other_from_afar(facets: Facets) -> bool:
+    """Tell whether a surface has blunt creases, or turns so much within a unit that what two bodies see of each other is chance."""
+    surface = facets.surface
+    one, other = surface.sides.pairs()
+    creased = surface.edge_side.ravel()[one]
+    cosine = np.einsum("nd,nd->n", surface.normal[one[creased] // 3], surface.normal[other[creased] // 3])
+    if (cosine > BLUNT_COSINE).any():
+        return True
     return float((facets.area * facets.turns(MOST_TURN) ** 2).sum()) > ROUGH**2 * float(facets.area.sum())
 
 

@@ -15,7 +15,7 @@ import warp as wp
 
 from ..cascade.cascade import Cascade
 from ..cascade.points import empty_points
-from ..cascade.seen_from_afar import is_rough, seen_from_afar
+from ..cascade.seen_from_afar import looks_other_from_afar, seen_from_afar
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..errors import ProblemError, Reason, Refusal
 from ..problem.outlines_on_surface import OutlinesOnSurface
@@ -101,7 +101,7 @@ class SurfaceDescent:
         self.bodies = bodies_for_kernels(model, launcher)
         on_device = self.facets.for_kernels()
         # Contact and lines go by what the surface is from near.
-        if not keeps_apart(model) and not model.kinds and is_rough(self.facets):
+        if not keeps_apart(model) and not model.kinds and looks_other_from_afar(self.facets):
             on_device = seen_from_afar(launcher, self.facets, on_device, 1.0)
         asked = started = share
         fixed = None
