@@ -35,6 +35,12 @@ LENGTHS = wp.constant(8)
 FIRST_SHARE = wp.constant(0.7)
 SMALLEST_SHARE = wp.constant(0.3)
 LARGEST_SHARE = wp.constant(2.0)
+# Where the last step met next to no curvature, as where bodies cross a crease, BFGS asks for a step that is as long as the limit for
+# many bodies. It is at most so many times as long as the moves that the forces ask for. Measured with 4,096 bodies on a landscape of
+# cubes, eight seeds: without a bound the nearest two bodies of two runs were 0.37 and 0.7 spacings apart after 100 steps, and the mean
+# error at 1 spacing was a fifth larger; with 30 those are 0.70 and more, with 20 0.82. In the plane such steps are rare: eight cases of
+# four seeds stay as they are with 30, but for one, and get up to 0.1 % less even with 20.
+MOST_STRETCH = wp.constant(30.0)
 # A last step whose cosine with the change of the moves is below this says nothing about the curvature. Measured on the same: 1e-5 and
 # 0.1 change no digit.
 SMALLEST_COSINE = wp.constant(1.0e-3)
@@ -226,7 +232,7 @@ def decide(
 
     With the last displacement s, the moves m and what they changed by, y, it is
     g m + (s·m / s·y (1 + g y·y / s·y) - g y·m / s·y) s - g s·m / s·y y, where g = |s| / |y|: BFGS that remembers one step, without a
-    line search. ``direction`` is the three factors, and the sum of the squared moves over squared spacings; NaN where a move
+    line search; the whole is bounded (MOST_STRETCH). ``direction`` is the three factors, and the sum of the squared moves over squared spacings; NaN where a move
     is no finite number. Leaves the totals empty.
     """
     sy = sum_of(totals, S_Y)
@@ -243,9 +249,15 @@ def decide(
         change = -g * sm / sy
         # Only downhill.
         if g * sum_of(totals, M_M) + displacement * sm + change * ym > wp.float64(0.0):
-            of_move = g
-            of_displacement = displacement
-            of_change = change
+            mm = sum_of(totals, M_M)
+            square = g * g * mm + displacement * displacement * ss + change * change * yy
+            square += wp.float64(2.0) * (g * displacement * sm + g * change * ym + displacement * change * sy)
+            bound = wp.min(
+                wp.float64(1.0), wp.float64(MOST_STRETCH) * wp.sqrt(mm / wp.max(square, wp.float64(1.0e-30)))
+            )
+            of_move = bound * g
+            of_displacement = bound * displacement
+            of_change = bound * change
     direction[0] = float(of_move)
     direction[1] = float(of_displacement)
     direction[2] = float(of_change)
