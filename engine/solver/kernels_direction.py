@@ -37,9 +37,9 @@ SMALLEST_SHARE = wp.constant(0.3)
 LARGEST_SHARE = wp.constant(2.0)
 # Where the last step met next to no curvature, as where bodies cross a crease, BFGS asks for a step that is as long as the limit for
 # many bodies. It is at most so many times as long as the moves that the forces ask for. Measured with 4,096 bodies on a landscape of
-# cubes, eight seeds: without a bound the nearest two bodies of two runs were 0.37 and 0.7 spacings apart after 100 steps, and the mean
-# error at 1 spacing was a fifth larger; with 30 those are 0.70 and more, with 20 0.82. In the plane such steps are rare: eight cases of
-# four seeds stay as they are with 30, but for one, and get up to 0.1 % less even with 20.
+# cubes, six and eight seeds: smallest spacings after 100 steps are 0.76 on average and 0.37 at least without a bound, 0.82 and 0.70
+# with 30, 0.84 and 0.82 with 20. In the plane such steps are rare: of eight cases seven stay as they are with 30, and get up to 0.1 %
+# less even with 20.
 MOST_STRETCH = wp.constant(30.0)
 # A last step whose cosine with the change of the moves is below this says nothing about the curvature. Measured on the same: 1e-5 and
 # 0.1 change no digit.
@@ -232,8 +232,8 @@ def decide(
 
     With the last displacement s, the moves m and what they changed by, y, it is
     g m + (s·m / s·y (1 + g y·y / s·y) - g y·m / s·y) s - g s·m / s·y y, where g = |s| / |y|: BFGS that remembers one step, without a
-    line search; the whole is bounded (MOST_STRETCH). ``direction`` is the three factors, and the sum of the squared moves over squared spacings; NaN where a move
-    is no finite number. Leaves the totals empty.
+    line search; the whole is bounded (MOST_STRETCH). ``direction`` is the three factors, and the sum of the squared moves over
+    squared spacings; NaN where a move is no finite number. Leaves the totals empty.
     """
     sy = sum_of(totals, S_Y)
     ss = sum_of(totals, S_S)
