@@ -11,7 +11,10 @@ from . import kernels_direction
 from .line_rules import LineRules
 from .surface_line_rules import SurfaceLineRules
 
-__all__ = ["Direction"]
+__all__ = ["ANY_STRETCH", "Direction"]
+
+# More than a step is ever longer than the moves that the forces ask for.
+ANY_STRETCH = 1e30
 
 
 class Direction:
@@ -21,14 +24,22 @@ class Direction:
         launcher: Where it is found.
         body_count: Number of bodies.
         rules: What lines are to do.
+        most_stretch: How many times a step may be as long as the moves that the forces ask for.
 
     Attributes:
         sums: What bodies add to, see :mod:`.kernels_direction`.
         factors: What :func:`.kernels_direction.decide_direction` writes, shape ``[4]``.
     """
 
-    def __init__(self, launcher: Launcher, body_count: int, rules: LineRules | SurfaceLineRules) -> None:
+    def __init__(
+        self,
+        launcher: Launcher,
+        body_count: int,
+        rules: LineRules | SurfaceLineRules,
+        most_stretch: float = ANY_STRETCH,
+    ) -> None:
         self._launcher, self._body_count, self._rules = launcher, body_count, rules
+        self._most_stretch = most_stretch
         on_gpu = launcher.device.is_cuda
         slots = kernels_direction.SLOTS_ON_GPU if on_gpu else kernels_direction.SLOTS_ON_CPU
         count = kernels_direction.LENGTHS + rules.kind_count
@@ -48,7 +59,7 @@ class Direction:
         self._launcher.launch(
             kernels_direction.decide_direction,
             elements,
-            [elements, at_once, rules.kind_count, rules.line_count, rules.pressed],
+            [elements, at_once, rules.kind_count, self._most_stretch, rules.line_count, rules.pressed],
             [self.sums, self._totals, self._arrived, self.factors, length_factor],
             # One thread of the CPU does all.
             grain=elements,

@@ -35,12 +35,6 @@ LENGTHS = wp.constant(8)
 FIRST_SHARE = wp.constant(0.7)
 SMALLEST_SHARE = wp.constant(0.3)
 LARGEST_SHARE = wp.constant(2.0)
-# Where the last step met next to no curvature, as where bodies cross a crease, BFGS asks for a step that is as long as the limit for
-# many bodies. It is at most so many times as long as the moves that the forces ask for. Measured with 4,096 bodies on a landscape of
-# cubes, six and eight seeds: smallest spacings after 100 steps are 0.76 on average and 0.37 at least without a bound, 0.82 and 0.70
-# with 30, 0.84 and 0.82 with 20. In the plane such steps are rare: of eight cases seven stay as they are with 30, and get up to 0.1 %
-# less even with 20.
-MOST_STRETCH = wp.constant(30.0)
 # A last step whose cosine with the change of the moves is below this says nothing about the curvature. Measured on the same: 1e-5 and
 # 0.1 change no digit.
 SMALLEST_COSINE = wp.constant(1.0e-3)
@@ -222,6 +216,7 @@ def adapt_blocks(
 @wp.func
 def decide(
     kind_count: int,
+    most_stretch: float,
     line_count: wp.array(dtype=float),
     pressed: wp.array(dtype=float),
     totals: wp.array(dtype=wp.int64),
@@ -232,8 +227,8 @@ def decide(
 
     With the last displacement s, the moves m and what they changed by, y, it is
     g m + (s·m / s·y (1 + g y·y / s·y) - g y·m / s·y) s - g s·m / s·y y, where g = |s| / |y|: BFGS that remembers one step, without a
-    line search; the whole is bounded (MOST_STRETCH). ``direction`` is the three factors, and the sum of the squared moves over
-    squared spacings; NaN where a move is no finite number. Leaves the totals empty.
+    line search; it is at most ``most_stretch`` times as long as the moves. ``direction`` is the three factors, and the sum of the
+    squared moves over squared spacings; NaN where a move is no finite number. Leaves the totals empty.
     """
     sy = sum_of(totals, S_Y)
     ss = sum_of(totals, S_S)
@@ -253,7 +248,7 @@ def decide(
             square = g * g * mm + displacement * displacement * ss + change * change * yy
             square += wp.float64(2.0) * (g * displacement * sm + g * change * ym + displacement * change * sy)
             bound = wp.min(
-                wp.float64(1.0), wp.float64(MOST_STRETCH) * wp.sqrt(mm / wp.max(square, wp.float64(1.0e-30)))
+                wp.float64(1.0), wp.float64(most_stretch) * wp.sqrt(mm / wp.max(square, wp.float64(1.0e-30)))
             )
             of_move = bound * g
             of_displacement = bound * displacement
@@ -282,6 +277,7 @@ def decide_direction(
     element_count: int,
     at_once: int,
     kind_count: int,
+    most_stretch: float,
     line_count: wp.array(dtype=float),
     pressed: wp.array(dtype=float),
     # outputs
@@ -295,4 +291,4 @@ def decide_direction(
     add_up(first + wp.tid(), at_once, sums, totals)
     if arrive(arrived) == element_count - 1:
         arrived[0] = 0
-        decide(kind_count, line_count, pressed, totals, direction, length_factor)
+        decide(kind_count, most_stretch, line_count, pressed, totals, direction, length_factor)

@@ -29,7 +29,7 @@ from . import kernels_on_surface, kernels_surface_bends, kernels_surface_lines
 from .carried_lines import carry_bends
 from .contact import keeps_apart
 from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels
-from .direction import Direction
+from .direction import ANY_STRETCH, Direction
 from .initial_placement import body_starts
 from .line_rules import first_length_factors
 from .model import Model
@@ -71,6 +71,11 @@ NEAR_DETAIL = 2.9
 FINER_NEAR_DETAIL = 2
 # Lines of which a charge lies farther from where it was when they were parted, in widths, lie straight.
 MOST_MISSED = 0.0005
+# Where the last step met next to no curvature, as where bodies cross a crease, BFGS asks for a step that is as long as the limit for
+# many of them. It is at most so many times as long as the moves that the forces ask for. Measured with 4,096 bodies on a landscape of
+# cubes, six and eight seeds: smallest spacings after 100 steps are 0.76 on average and 0.37 at least without a bound, 0.82 and 0.70
+# with 30, 0.84 and 0.82 with 20. In the plane there are no such steps. Lines and what keeps apart need steps as long.
+MOST_STRETCH = 30.0
 
 
 class SurfaceDescent:
@@ -144,7 +149,8 @@ class SurfaceDescent:
         self.charges.field = launcher.zeros(charge_count, wp.vec3)
         self.rules = SurfaceLineRules(model, launcher, self.facets)
         self._has_dots = bool((model.body.kind < 0).any())
-        self.direction = Direction(launcher, n, self.rules)
+        is_free = not keeps_apart(model) and not self.rules.kind_count
+        self.direction = Direction(launcher, n, self.rules, MOST_STRETCH if is_free else ANY_STRETCH)
         self.state = self._first_state(started)
         if start is not None:
             start(self)

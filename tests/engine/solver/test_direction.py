@@ -5,6 +5,8 @@ import pytest
 import warp as wp
 from esh.engine.solver import kernels_direction as direction
 
+MOST_STRETCH = 30.0
+
 
 def decided(displacement, change, move):
     """The step that is decided on where the last one, and what it changed the moves by, are these vectors."""
@@ -23,7 +25,15 @@ def decided(displacement, change, move):
     wp.launch(
         direction.decide_direction,
         1,
-        inputs=[0, 1, 1, 0, wp.zeros(1, dtype=float, device="cpu"), wp.zeros(1, dtype=float, device="cpu")],
+        inputs=[
+            0,
+            1,
+            1,
+            0,
+            MOST_STRETCH,
+            wp.zeros(1, dtype=float, device="cpu"),
+            wp.zeros(1, dtype=float, device="cpu"),
+        ],
         outputs=[
             wp.zeros((1, len(totals), 1), dtype=wp.int64, device="cpu"),
             wp.array(totals, dtype=wp.int64, device="cpu"),
@@ -51,7 +61,7 @@ def test_a_step_is_that_of_bfgs_and_never_much_longer_than_the_moves(cosine, bou
     change = np.array([cosine, np.sqrt(1.0 - cosine**2), 0.0])
     move = np.array([0.5, 0.1, 0.3])
     asked, step = bfgs(displacement, change, move), decided(displacement, change, move)
-    most = direction.MOST_STRETCH * np.linalg.norm(move)
+    most = MOST_STRETCH * np.linalg.norm(move)
     assert (np.linalg.norm(asked) > most) == bounded
     wanted = asked * min(1.0, most / np.linalg.norm(asked))
     assert np.allclose(step, wanted, rtol=1e-3, atol=1e-3 * np.linalg.norm(wanted))
