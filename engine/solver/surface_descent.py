@@ -149,8 +149,7 @@ class SurfaceDescent:
         self.charges.field = launcher.zeros(charge_count, wp.vec3)
         self.rules = SurfaceLineRules(model, launcher, self.facets)
         self._has_dots = bool((model.body.kind < 0).any())
-        is_free = not keeps_apart(model) and not self.rules.kind_count
-        self.direction = Direction(launcher, n, self.rules, MOST_STRETCH if is_free else ANY_STRETCH)
+        self.direction = Direction(launcher, n, self.rules, _most_stretch(model))
         self.state = self._first_state(started)
         if start is not None:
             start(self)
@@ -506,3 +505,8 @@ class SurfaceDescent:
             length_factor=first_length_factors(self.launcher, self.rules.kind_count),
             steps=np.zeros(1, np.int32),
         )
+
+
+def _most_stretch(model: Model) -> float:
+    """How long steps may be: those of dots are bounded, see :data:`MOST_STRETCH`."""
+    return ANY_STRETCH if keeps_apart(model) or model.kinds else MOST_STRETCH
