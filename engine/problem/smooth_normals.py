@@ -9,7 +9,7 @@ import numpy as np
 from .sides import Sides
 from .unit_vectors import unit_vectors
 
-__all__ = ["bent_sides", "corner_normals", "creased_sides"]
+__all__ = ["bent_sides", "corner_normals", "creased_sides", "has_blunt_creases"]
 
 # Where no triangle around a vertex looks farther from their mean than this, the surface is smooth there.
 SMOOTH_COSINE = math.cos(math.radians(20.0))
@@ -18,6 +18,8 @@ CREASE_COSINE = math.cos(math.radians(40.0))
 # Triangles that look farther apart than this have a bend between them. Measured on a sphere of 320 triangles, 10° apart and more:
 # with tiles that are fine beside all of them errors at 1 spacing are .0013, with others .0019; on one of 1,280, of 5°, both .0013.
 BEND_COSINE = math.cos(math.radians(8.0))
+# Creases that bend by less than this are blunt.
+BLUNT_COSINE = math.cos(math.radians(80.0))
 # The mean of directions that agree is hardly shorter than they are.
 AGREED = 0.999
 # Around more triangles creases are not looked for: every one keeps its own direction.
@@ -78,9 +80,27 @@ def bent_sides(normal: np.ndarray, sides: Sides) -> np.ndarray:
     """
     bent = np.ones(len(sides.start), bool)
     one, other = sides.pairs()
-    straight = np.einsum("nd,nd->n", normal[one // 3], normal[other // 3]) > BEND_COSINE
+    straight = _cosines(normal, one, other) > BEND_COSINE
     bent[one[straight]] = bent[other[straight]] = False
     return bent.reshape(-1, 3)
+
+
+def has_blunt_creases(normal: np.ndarray, sides: Sides, creased: np.ndarray) -> bool:
+    """Return whether a crease between two triangles bends by less than 80°.
+
+    Args:
+        normal: Of the triangles, of length 1, shape ``[t, 3]``.
+        sides: The sides of the triangles.
+        creased: What :func:`creased_sides` returns, shape ``[t, 3]``.
+    """
+    one, other = sides.pairs()
+    at_crease = creased.ravel()[one]
+    return bool((_cosines(normal, one[at_crease], other[at_crease]) > BLUNT_COSINE).any())
+
+
+def _cosines(normal: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Cosines of the angles between the triangles of pairs of sides."""
+    return np.einsum("nd,nd->n", normal[one // 3], normal[other // 3])
 
 
 def _within_creases(vertex: np.ndarray, own: np.ndarray, weighed: np.ndarray) -> np.ndarray:

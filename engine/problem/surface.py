@@ -18,7 +18,7 @@ from .connected import connected
 from .connected_triangles import parts_of
 from .settings import settle
 from .sides import Sides, sides_of
-from .smooth_normals import corner_normals, creased_sides
+from .smooth_normals import corner_normals, creased_sides, has_blunt_creases
 from .validation import show
 
 __all__ = ["PointsOnSurface", "Surface", "SurfaceMesh"]
@@ -204,6 +204,11 @@ class Surface:
     def edge_side(self) -> np.ndarray:
         """Whether a crease or the surface's end lies at the side opposite of each corner, shape ``[t, 3]``."""
         return creased_sides(self.corner_normal, self.sides)
+
+    @cached_property
+    def has_blunt_creases(self) -> bool:
+        """Whether a crease between two of its triangles bends by less than 80°."""
+        return has_blunt_creases(self.normal, self.sides, self.edge_side)
 
     @cached_property
     def low(self) -> np.ndarray:

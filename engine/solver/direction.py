@@ -13,7 +13,7 @@ from .surface_line_rules import SurfaceLineRules
 
 __all__ = ["ANY_STRETCH", "Direction"]
 
-# More than a step is ever longer than the moves that the forces ask for.
+# No bound: how many times longer than the moves that the forces ask for no step ever is.
 ANY_STRETCH = 1e30
 
 

@@ -242,9 +242,9 @@ def decide(
         g = wp.clamp(wp.sqrt(ss / yy), wp.float64(SMALLEST_SHARE), wp.float64(LARGEST_SHARE))
         displacement = sm / sy * (wp.float64(1.0) + g * yy / sy) - g * ym / sy
         change = -g * sm / sy
+        mm = sum_of(totals, M_M)
         # Only downhill.
-        if g * sum_of(totals, M_M) + displacement * sm + change * ym > wp.float64(0.0):
-            mm = sum_of(totals, M_M)
+        if g * mm + displacement * sm + change * ym > wp.float64(0.0):
             square = g * g * mm + displacement * displacement * ss + change * change * yy
             square += wp.float64(2.0) * (g * displacement * sm + g * change * ym + displacement * change * sy)
             bound = wp.min(
