@@ -6,6 +6,7 @@ Lines are those of section 6 of the paper (Schmaltz, Gwosdek and Weickert 2012).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -20,16 +21,24 @@ class BodyCharges:
     """Charges of all bodies, body after body.
 
     Attributes:
-        body: Body of every charge, shape ``[charge_count]``, int32.
-        first: Index of the first charge of every body and, at the end, the number of charges, shape ``[body_count + 1]``, int32.
+        per_body: How many charges every body has, shape ``[body_count]``.
         axial: Coordinate along the body's axis, -1 at one end to 1 at the other, shape ``[charge_count]``; 0 on a dot.
         charge: Charges, shape ``[charge_count]``, of mean 1; those of a body are in proportion to its area.
     """
 
-    body: np.ndarray
-    first: np.ndarray
+    per_body: np.ndarray
     axial: np.ndarray
     charge: np.ndarray
+
+    @cached_property
+    def first(self) -> np.ndarray:
+        """Index of the first charge of every body and, at the end, the number of charges, shape ``[body_count + 1]``, int32."""
+        return np.concatenate([[0], np.cumsum(self.per_body)]).astype(np.int32)
+
+    @cached_property
+    def body(self) -> np.ndarray:
+        """Body of every charge, shape ``[charge_count]``, int32."""
+        return np.repeat(np.arange(len(self.per_body), dtype=np.int32), self.per_body)
 
 
 def charges_of(problem: Problem) -> BodyCharges:
@@ -37,9 +46,8 @@ def charges_of(problem: Problem) -> BodyCharges:
     if all(size.kind.charges == 1 for body_class in problem.classes for size in body_class.sizes):
         area = problem.shared_areas()
         n = len(area)
-        number = np.arange(n + 1, dtype=np.int32)
         factor = n / area.sum()
-        return BodyCharges(number[:n], number, of_all(0.0, n), one_by_one(lambda values: values * factor, area))
+        return BodyCharges(of_all(1, n), of_all(0.0, n), one_by_one(lambda values: values * factor, area))
     counts, axials, shares = [], [], []
     for body_class in problem.classes:
         for size in body_class.sizes:
@@ -48,12 +56,6 @@ def charges_of(problem: Problem) -> BodyCharges:
             counts.append(np.full(n, len(axial)))
             axials.append(np.tile(axial, n))
             shares.append(np.tile(share, n))
-    count = np.concatenate(counts)
-    body = np.repeat(np.arange(len(count)), count)
-    charge = problem.shared_areas()[body] * np.concatenate(shares)
-    return BodyCharges(
-        body.astype(np.int32),
-        np.concatenate([[0], np.cumsum(count)]).astype(np.int32),
-        np.concatenate(axials),
-        charge * (len(charge) / charge.sum()),
-    )
+    per_body = np.concatenate(counts)
+    charge = np.repeat(problem.shared_areas(), per_body) * np.concatenate(shares)
+    return BodyCharges(per_body, np.concatenate(axials), charge * (len(charge) / charge.sum()))

@@ -105,9 +105,9 @@ class BodyFootprints:
 
     @property
     def scale(self) -> np.ndarray:
-        """Factor on the outline that a body was given, shape ``[n]``, float64; 1 where it was given none."""
+        """Factor on the outline that a body was given, shape ``[n]``, float64, to read only; 1 where it was given none."""
         if not self.has_outlines:
-            return np.ones(len(self.factor))
+            return of_all(1.0, len(self.factor))
         return np.where(self.is_outline, self.factor, 1.0)
 
     def with_outlines(self, variant: np.ndarray, scale: np.ndarray) -> BodyFootprints:

@@ -101,7 +101,7 @@ def group_bodies(
     """
     area = problem.shared_areas() if area is None else area
     first_body = 0
-    body_group = np.empty(len(area), dtype=np.int32)
+    groups: list[np.ndarray] = []
     class_index: list[int] = []
     emphasis: list[float] = []
     for c, body_class in enumerate(problem.classes):
@@ -113,11 +113,10 @@ def group_bodies(
             if _is_cut(problem, size):
                 most = most_levels(size) if levels == LEVELS else levels
                 level, level_emphasis = _levels(area[bodies] / _unit_of_area(problem), _exponent(problem), most)
-            body_group[bodies] = len(emphasis) + level
+            groups.append(np.broadcast_to(np.int32(len(emphasis)) + level, size.count or 0))
             emphasis.extend(level_emphasis.tolist())
             class_index.extend([c] * len(level_emphasis))
-    if len(emphasis) == 1:
-        body_group = of_all(np.int32(0), len(area))
+    body_group = of_all(np.int32(0), len(area)) if len(emphasis) == 1 else np.concatenate(groups)
     e = np.array(emphasis)
     # Only ratios count: the least emphasis of every class is 1, as in the paper's tables.
     index = np.array(class_index)

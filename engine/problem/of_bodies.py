@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["is_same", "of_all", "of_bodies", "one_by_one"]
+__all__ = ["distinct", "is_same", "of_all", "of_bodies", "one_by_one"]
 
 
 def of_bodies(values: Sequence[Any] | np.ndarray, counts: Sequence[int], kind: type) -> np.ndarray:
@@ -30,6 +30,11 @@ def of_all(value: Any, count: int) -> np.ndarray:
 def is_same(values: np.ndarray) -> bool:
     """Whether a table is one value for all, as :func:`of_all` makes it."""
     return values.ndim == 1 and len(values) > 1 and values.strides == (0,)
+
+
+def distinct(values: np.ndarray) -> np.ndarray:
+    """A table without the copies of a value that it has for all, for what asks which values there are."""
+    return values[:1] if is_same(values) else values
 
 
 def one_by_one(function: Callable[..., np.ndarray], *tables: np.ndarray) -> np.ndarray:

@@ -309,10 +309,10 @@ class Problem(ProblemSettings):
         return np.concatenate(result)
 
     def body_ids(self) -> np.ndarray:
-        """Identity of every body, shape ``[body_count]``, int64: fixed ones have their own, all others free ones in their order."""
+        """Identity of every body, shape ``[body_count]``: fixed ones have their own, all others free ones in their order."""
         taken = self.fixed.id
         if not len(taken):
-            return np.arange(self.body_count)
+            return np.arange(self.body_count, dtype=np.int32)
         first = int(taken.max(initial=-1)) + 1
         unnamed = np.flatnonzero(taken < 0)
         named = taken.copy()

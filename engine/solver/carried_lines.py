@@ -26,7 +26,7 @@ def carry_bends(old: Model, bent: wp.array, model: Model, bent_now: wp.array, so
     """Bring the bends of lines over to those of another model; ``source`` as above."""
     if not old.kinds or not model.kinds:
         return
-    count, count_before = np.diff(model.charge.first), np.diff(old.charge.first)
+    count, count_before = model.charge.per_body, old.charge.per_body
     same = np.flatnonzero((source >= 0) & (count == count_before[source]) & ~model.fixed)
     bend, bend_before = bent_now.numpy(), bent.numpy()
     for charges in np.unique(count[same]).tolist():

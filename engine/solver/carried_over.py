@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import warp as wp
@@ -12,7 +13,7 @@ __all__ = ["CarriedInPlane", "CarriedOver"]
 
 @dataclass(frozen=True, eq=False)
 class CarriedOver:
-    """Who the bodies of a new model are after an edit.
+    """Who the bodies of a new model on a surface are after an edit.
 
     Attributes:
         source: Index of the same body in the old model, -1 for a new one, shape ``[n]``.
@@ -24,17 +25,28 @@ class CarriedOver:
 
 
 @dataclass(frozen=True, eq=False)
-class CarriedInPlane(CarriedOver):
-    """And where they are in a rectangle.
+class CarriedInPlane:
+    """Who the bodies of a new model in a rectangle are after an edit, and where; what all of them have is on the device.
 
     Attributes:
-        pose: Positions in the new model's unit, with neither angles nor lengths, on the device, ``wp.vec4``, shape ``[n]``.
+        sources: Index of the same body in the old model, -1 for a new one, ``wp.int32``, shape ``[n]``.
+        identity: Identity of every body, ``wp.int32``, shape ``[n]``.
+        pose: Positions in the new model's unit, with neither angles nor lengths, ``wp.vec4``, shape ``[n]``.
         new: Rows of bodies that are new, from the smallest on.
-        gone: Indices of bodies in the old model that are no more, from the smallest on.
-        changes: Where bodies came, went or were moved, in the new model's unit, on the device, each ``wp.vec2``.
+        came: Their identities.
+        went: Identities of bodies of the old model that are no more.
+        changes: Where bodies came, went or were moved, in the new model's unit, each ``wp.vec2``.
     """
 
+    sources: wp.array
+    identity: wp.array
     pose: wp.array
     new: np.ndarray
-    gone: np.ndarray
+    came: np.ndarray
+    went: np.ndarray
     changes: list[wp.array]
+
+    @cached_property
+    def source(self) -> np.ndarray:
+        """The sources, for whoever asks: few do, and there may be millions."""
+        return self.sources.numpy()

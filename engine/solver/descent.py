@@ -313,7 +313,17 @@ def bodies_for_kernels(model: Model, launcher: Launcher) -> kernels_descent.Bodi
     bodies.group = launcher.array(table.group, wp.int32)
     bodies.kind = launcher.array(table.kind, wp.int32)
     bodies.flags = launcher.array(table.flags, wp.int32)
-    bodies.first_charge = launcher.array(charge.first, wp.int32)
+    bodies.first_charge = _first_charges(model, launcher)
     bodies.axial = launcher.array(charge.axial, float)
     bodies.charge = launcher.array(charge.charge, float)
     return bodies
+
+
+def _first_charges(model: Model, launcher: Launcher) -> wp.array:
+    """Index of the first charge of every body and, at the end, their number, for kernels."""
+    if model.charge_count != model.body_count:
+        return launcher.array(model.charge.first, wp.int32)
+    # One a body: written there, where nobody waits for a million numbers to be counted out here.
+    first = launcher.empty(model.body_count + 1, wp.int32)
+    launcher.launch(kernels_descent.number_charges, len(first), [], [first])
+    return first

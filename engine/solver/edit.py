@@ -25,49 +25,30 @@ from .model import Model
 from .places_in_support import move_poses_into_support
 from .size_edit import Rows, SizeEdit, compare_size, list_bodies
 
-__all__ = ["carry_over"]
+__all__ = ["EditInPlane"]
 
-# Gets densities, row 0 at the bottom, and counts; returns as many points [m] for each.
-Spread = Callable[[list[np.ndarray], list[int]], list[np.ndarray]]
+# Gets densities, row 0 at the bottom, and counts, and begins to spread as many points over each; what it returns waits for these, and
+# returns them [m].
+Spread = Callable[[list[np.ndarray], list[int]], Callable[[], list[np.ndarray]]]
 
 
-def carry_over(
-    launcher: Launcher, old: Model, pose: wp.array, model: Model, first_identity: int, spread: Spread
-) -> CarriedInPlane:
-    """Bring the bodies of one model over to another.
+class EditInPlane:
+    """An edit that is being made: who has come from where so far. Points are being spread until it is finished.
 
     Args:
         launcher: Where to run.
         old: The model before the edit.
         pose: Where its bodies are, in its unit, ``wp.vec4``, shape ``[old count]``.
         model: The model after it, in the same domain.
-        first_identity: Identity of the first body that is new; later ones follow.
         spread: Spreads points over densities.
-    """
-    edit = _Edit(launcher, old, pose, model)
-    sizes = edit.compare()
-    points = spread(
-        [density for size in sizes for density in size.densities(launcher)],
-        [count for size in sizes for count in size.counts],
-    )
-    for number, size in enumerate(sizes):
-        edit.settle(size, points[3 * number : 3 * number + 3])
-    return edit.result(first_identity)
 
-
-class _Edit:
-    """An edit that is being made: who has come from where so far.
-
-    Args:
-        launcher: Where to run.
-        old: The model before the edit.
-        pose: Where its bodies are, in its unit.
-        model: The model after it.
+    Attributes:
+        pose: Where bodies of the new model are, in its unit, once the edit is finished, ``wp.vec4``, shape ``[n]``.
     """
 
-    def __init__(self, launcher: Launcher, old: Model, pose: wp.array, model: Model) -> None:
+    def __init__(self, launcher: Launcher, old: Model, pose: wp.array, model: Model, spread: Spread) -> None:
         self._launcher, self._old, self._model, self._pose_before = launcher, old, model, pose
-        self._pose = launcher.empty(model.body_count, wp.vec4)
+        self.pose = launcher.zeros(model.body_count, wp.vec4)
         self._source, self._row_of = (launcher.empty(count, wp.int32) for count in (model.body_count, old.body_count))
         self._source.fill_(-1)
         self._row_of.fill_(-1)
@@ -75,12 +56,24 @@ class _Edit:
         self._new: list[np.ndarray] = []
         self._changes: list[wp.array] = []
         # Who acts on others only is not there to be chosen.
-        self._used = (old.body.flags & BodyFlags.GHOST) != 0 if old.body.flags.any() else np.zeros(0, bool)
+        self._used = (old.body.flags & BodyFlags.GHOST) != 0 if old.body.flagged else np.zeros(0, bool)
         if model.has_fixed:
             self._place_fixed()
         if self._used.any():
             used = launcher.array(np.flatnonzero(self._used).astype(np.int32), wp.int32)
             launcher.launch(kernels_edit.decide_fates, len(used), [used, int(Fate.USED)], [self._fate])
+        self._sizes = self._compare()
+        self._points = spread(
+            [density for size in self._sizes for density in size.densities(launcher)],
+            [count for size in self._sizes for count in size.counts],
+        )
+
+    def finish(self, first_identity: int) -> CarriedInPlane:
+        """Settle who stays, and set the new ones down; those that are not fixed have ``first_identity`` and the following ones."""
+        points = self._points()
+        for number, size in enumerate(self._sizes):
+            self._settle(size, points[3 * number : 3 * number + 3])
+        return self._result(first_identity)
 
     def _place_fixed(self) -> None:
         """What is fixed now has its place from the problem; it may have been one of the old bodies, as its identity says."""
@@ -102,7 +95,7 @@ class _Edit:
         changed = np.concatenate([place[~known], place[known][moved], before[moved]])
         self._changes.append(launcher.array(changed.astype(np.float32), wp.vec2))
 
-    def compare(self) -> list[SizeEdit]:
+    def _compare(self) -> list[SizeEdit]:
         """Look at every size of the new model: how many of its bodies are to go, and how many come."""
         old, model = self._old, self._model
         begin_before = {name: rows for name, *rows in _ranges(old)}
@@ -118,7 +111,7 @@ class _Edit:
             sizes.append(in_size)
         return sizes
 
-    def settle(self, size: SizeEdit, points: list[np.ndarray]) -> None:
+    def _settle(self, size: SizeEdit, points: list[np.ndarray]) -> None:
         """Decide who of a size stays, give all of its bodies rows, and put the new ones to their points [m]."""
         launcher, old, model = self._launcher, self._old, self._model
         in_unit = [at / old.unit for at in points]
@@ -139,25 +132,34 @@ class _Edit:
             launcher.launch(kernels_edit.find_rows, len(placed), [body, self._row_of], [row])
             self._changes += [self._places(body), self._put_down(row, points[1] / model.unit)]
         self._changes.append(self._put_down(new_rows, points[2] / model.unit))
-        self._new.append(np.asarray(new_rows, np.int32))
+        self._new.append(_listed(new_rows))
 
-    def result(self, first_identity: int) -> CarriedInPlane:
-        """What has come of it; new bodies that are not fixed have ``first_identity`` and the following ones."""
+    def _result(self, first_identity: int) -> CarriedInPlane:
+        """What has come of it."""
         launcher, old, model = self._launcher, self._old, self._model
-        move_poses_into_support(launcher, model, self._pose)
+        move_poses_into_support(launcher, model, self.pose)
         marked = launcher.empty(old.body_count, wp.int32)
         launcher.launch(kernels_edit.mark_gone, old.body_count, [self._row_of], [marked])
         gone = numbers_of_marked(launcher, marked)
-        source = self._source.numpy()
-        # Of new ones it is anything for now.
-        identity = old.body.identity.take(source, mode="clip")
+        before = old.body.identities_on(launcher)
+        went = launcher.empty(len(gone), wp.int32)
+        launcher.launch(kernels_edit.read_identities, len(gone), [gone, before], [went])
         new = np.sort(np.concatenate(self._new))
-        if model.has_fixed:
-            identity[model.fixed] = model.body.identity[model.fixed]
-        fresh = new[~model.fixed[new]]
-        identity[fresh] = first_identity + np.arange(len(fresh))
+        came = np.empty(len(new), np.int32)
+        is_fixed = model.fixed[new]
+        came[~is_fixed] = first_identity + np.arange(len(new) - int(is_fixed.sum()), dtype=np.int32)
+        came[is_fixed] = model.body.identity[new[is_fixed]]
+        # Who stays keeps its own, be it fixed now or not.
+        identity = launcher.empty(model.body_count, wp.int32)
+        launcher.launch(kernels_edit.carry_identities, model.body_count, [self._source, before], [identity])
+        launcher.launch(
+            kernels_edit.give_identities,
+            len(new),
+            [launcher.array(new, wp.int32), launcher.array(came, wp.int32)],
+            [identity],
+        )
         changes = [*self._changes, self._places(gone)]
-        return CarriedInPlane(source, identity, self._pose, new, gone.numpy(), changes)
+        return CarriedInPlane(self._source, identity, self.pose, new, came, went.numpy(), changes)
 
     def _places(self, body: wp.array) -> wp.array:
         """Where some old bodies were, in the new model's unit, ``wp.vec2``."""
@@ -176,14 +178,14 @@ class _Edit:
             kernels_edit.take_seats,
             len(rows),
             [body, *self._rows_for_kernels(rows), self._pose_before, ratio, size],
-            [self._pose, self._source, self._row_of],
+            [self.pose, self._source, self._row_of],
         )
 
     def _put_down(self, rows: wp.array | Rows, points: np.ndarray) -> wp.array:
         """Put the bodies of rows to points in the new model's unit; return these, ``wp.vec2``."""
         launcher = self._launcher
         point = launcher.array(np.clip(points, 0.0, self._model.size).astype(np.float32), wp.vec2)
-        launcher.launch(kernels_edit.put_down, len(rows), [*self._rows_for_kernels(rows), point], [self._pose])
+        launcher.launch(kernels_edit.put_down, len(rows), [*self._rows_for_kernels(rows), point], [self.pose])
         return point
 
     def _rows_for_kernels(self, rows: wp.array | Rows) -> tuple[int, wp.array]:
@@ -206,11 +208,16 @@ def _ranges(model: Model) -> list[tuple[tuple[str, str], int, int, int]]:
     return result
 
 
+def _listed(rows: Rows) -> np.ndarray:
+    """Rows one by one, int32; NumPy alone would ask a range for one after the other."""
+    return np.arange(rows.start, rows.stop, dtype=np.int32) if isinstance(rows, range) else rows.astype(np.int32, copy=False)
+
+
 def _seats(rows: Rows, staying: int, area: np.ndarray) -> tuple[Rows, Rows]:
     """Which rows of a size stay with those that are there, and which are new ones': evenly among its areas, smallest first."""
     if is_same(area):
         return rows[:staying], rows[staying:]
-    listed = np.asarray(rows, np.int32)
+    listed = _listed(rows)
     by_area = listed[np.argsort(area[listed], kind="stable")]
     new = len(rows) - staying
     if area[by_area[0]] == area[by_area[-1]] if len(rows) else True:

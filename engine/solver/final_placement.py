@@ -54,7 +54,7 @@ def placement_of(model: Model, state: State, launcher: Launcher) -> Placement:
         position[model.fixed], angle[model.fixed] = fixed.position, fixed.angle
         length[model.fixed] = np.where(np.isnan(fixed.length), length[model.fixed], fixed.length)
     bends = bends_of(model, _charge_positions(model, state, position)) if model.bends_any else None
-    has_ghosts = bool(body.flags.any()) and bool((body.flags & BodyFlags.GHOST).any())
+    has_ghosts = body.flagged and bool((body.flags & BodyFlags.GHOST).any())
     ghosts = (body.flags & BodyFlags.GHOST) != 0 if has_ghosts else body.flags
 
     def made(values: np.ndarray) -> np.ndarray:
@@ -76,7 +76,7 @@ def placement_of(model: Model, state: State, launcher: Launcher) -> Placement:
         id=made(body.identity).astype(np.int64),
         fixed=shown(model.fixed),
         variant=shown(model.footprints.variant),
-        scale=made(model.footprints.scale),
+        scale=shown(model.footprints.scale),
     )
 
 

@@ -131,7 +131,7 @@ def body_starts(model: Model, launcher: Launcher, start: int = 0) -> tuple[np.nd
         launcher.array(model.body.support, wp.int32),
         launcher.array(group, wp.int32),
         launcher.array(_ranks(model, count), wp.int32),
-        launcher.array(model.body.identity, wp.int32),
+        model.body.identities_on(launcher),
         launcher.array(np.maximum(count, 1), wp.int32),
         launcher.array(shift, wp.float64),
     ]

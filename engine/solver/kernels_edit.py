@@ -288,6 +288,45 @@ def read_places(
 
 
 @wp.kernel
+def read_identities(
+    first: int,
+    body: wp.array(dtype=wp.int32),
+    identity: wp.array(dtype=wp.int32),
+    # outputs
+    read: wp.array(dtype=wp.int32),
+):
+    """The identities of some bodies."""
+    k = first + wp.tid()
+    read[k] = identity[body[k]]
+
+
+@wp.kernel
+def carry_identities(
+    first: int,
+    source: wp.array(dtype=wp.int32),
+    identity_before: wp.array(dtype=wp.int32),
+    # outputs
+    identity: wp.array(dtype=wp.int32),
+):
+    """Identities of bodies that were there before; others have that of the first body for now."""
+    i = first + wp.tid()
+    identity[i] = identity_before[wp.max(source[i], 0)]
+
+
+@wp.kernel
+def give_identities(
+    first: int,
+    row: wp.array(dtype=wp.int32),
+    given: wp.array(dtype=wp.int32),
+    # outputs
+    identity: wp.array(dtype=wp.int32),
+):
+    """Give identities to the bodies of some rows."""
+    k = first + wp.tid()
+    identity[row[k]] = given[k]
+
+
+@wp.kernel
 def mark_gone(
     first: int,
     row_of: wp.array(dtype=wp.int32),

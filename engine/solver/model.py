@@ -7,16 +7,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+import warp as wp
 
 from ..device.launcher import Launcher
 from ..problem.body_charges import BodyCharges, charges_of
 from ..problem.body_footprints import BodyFootprints, footprints_of
 from ..problem.interaction import Groups, group_bodies
 from ..problem.line import Line
-from ..problem.of_bodies import of_all, of_bodies
+from ..problem.of_bodies import distinct, of_all, of_bodies
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.surface import Surface
@@ -24,7 +26,7 @@ from ..space.kernels_meeting import Meeting
 from ..space.meeting import meeting_of
 from ..space.space import Space
 from .body_flags import BodyFlags
-from .carried_over import CarriedOver
+from .carried_over import CarriedInPlane, CarriedOver
 from .supports import supports_of
 
 __all__ = ["BodyTable", "LineKind", "Model"]
@@ -54,7 +56,7 @@ class BodyTable:
         area: Its footprint [m²], float64.
         longest: Longest axis that is asked of it [m], float64; 0 for a dot.
         flags: See :class:`~.body_flags.BodyFlags`.
-        identity: What is random about it follows from this number; see :meth:`~.problem.Problem.body_ids`.
+        identities: What is random about it follows from this number, see :meth:`~.problem.Problem.body_ids`; maybe on the device.
         support: Which of the model's supports says where it may be.
     """
 
@@ -65,8 +67,23 @@ class BodyTable:
     area: np.ndarray
     longest: np.ndarray
     flags: np.ndarray
-    identity: np.ndarray
+    identities: np.ndarray | wp.array
     support: np.ndarray
+
+    @cached_property
+    def identity(self) -> np.ndarray:
+        """The identities, for whoever asks: after an edit in the plane they are on the device."""
+        return self.identities if isinstance(self.identities, np.ndarray) else self.identities.numpy()
+
+    def identities_on(self, launcher: Launcher) -> wp.array:
+        """The identities for kernels."""
+        given = self.identities
+        return launcher.array(given, wp.int32) if isinstance(given, np.ndarray) else given
+
+    @cached_property
+    def flagged(self) -> bool:
+        """Whether anything is special about any body."""
+        return bool(distinct(self.flags).any())
 
     @property
     def count(self) -> int:
@@ -132,7 +149,7 @@ class Model:
             area=area,
             longest=of_bodies(longest, counts, np.float64),
             flags=flags,
-            identity=problem.body_ids().astype(np.int32),
+            identities=problem.body_ids().astype(np.int32, copy=False),
             support=supports.of_body.astype(np.int32, copy=False),
         )
         self.charge: BodyCharges = charges_of(problem)
@@ -143,17 +160,21 @@ class Model:
         else:
             self.unit = unit or math.sqrt(domain.area / len(self.charge.charge))
 
-    def carry(self, old: Model, carried: CarriedOver) -> None:
+    def carry(self, old: Model, carried: CarriedOver | CarriedInPlane) -> None:
         """Give bodies that were in another model before the identities and flags that they had there."""
         flags = self.body.flags
-        if old.body.flags.any():
+        if old.body.flagged:
             came = carried.source >= 0
             flags = flags.copy()
             # Whom the problem fixed before, it may have let go.
             kept = np.where(old.fixed, old.body.flags & ~int(BodyFlags.PINNED), old.body.flags)
             flags[came] |= kept[carried.source[came]]
-        self.body = replace(self.body, identity=carried.identity.astype(np.int32, copy=False), flags=flags)
-        self.take_outlines(_carried_outlines(old.footprints, self.footprints, carried.source))
+        identity = carried.identity
+        if isinstance(identity, np.ndarray):
+            identity = identity.astype(np.int32, copy=False)
+        self.body = replace(self.body, identities=identity, flags=flags)
+        if self.footprints.has_outlines:
+            self.take_outlines(_carried_outlines(old.footprints, self.footprints, carried.source))
 
     def take_outlines(self, footprints: BodyFootprints) -> None:
         """Give bodies other outlines, and those whose areas follow from their outlines their areas, charges and groups."""
@@ -233,7 +254,8 @@ class Model:
         """Sum of the charges of every group, shape ``[group_count]``."""
         first, charge = self.groups.first_body, self.charge.charge
         if first is not None:
-            return np.array([charge[a:b].sum() for a, b in pairwise(self.charge.first[first].tolist())])
+            begin = first if self.charge_count == self.body_count else self.charge.first[first]
+            return np.array([charge[a:b].sum() for a, b in pairwise(begin.tolist())])
         return np.bincount(self.charge_group, weights=charge, minlength=self.groups.count)
 
     def widths(self, length: np.ndarray) -> np.ndarray:
@@ -264,8 +286,6 @@ def _typical_spacing(problem: Problem, surface: Surface) -> float:
 
 def _carried_outlines(old: BodyFootprints, new: BodyFootprints, source: np.ndarray) -> BodyFootprints:
     """Outlines of a new model in which bodies that were there before keep theirs, where their size still has the same variants."""
-    if not new.has_outlines:
-        return new
     came = np.flatnonzero((source >= 0) & new.is_outline)
     came = came[old.is_outline[source[came]]]
     variant, scale = new.variant.copy(), new.scale.copy()
@@ -284,5 +304,5 @@ def _within_range(matrix: np.ndarray, charge: np.ndarray) -> np.ndarray:
 
     Only ratios count: all moves are measured in the inverse of the energy's curvature, which is scaled as the forces are.
     """
-    largest = float(matrix.max()) * float(charge.max()) ** 2
+    largest = float(matrix.max()) * float(distinct(charge).max()) ** 2
     return matrix * 2.0 ** -max(0, math.ceil(math.log2(largest / LARGEST_INTERACTION)))

@@ -27,7 +27,7 @@ from .carried_lines import carry_lines
 from .carried_over import CarriedInPlane
 from .choice_of_start import choose_start, number_of_starts
 from .descent import Descent
-from .edit import carry_over
+from .edit import EditInPlane
 from .final_placement import (
     angle_within,
     looks_at_point,
@@ -41,7 +41,7 @@ from .natural_border import SMOOTH_OVER_SPACING, SMOOTH_STEPS, STEPS_WITHIN, Kep
 from .places_in_support import in_support
 from .rare_start import rare_starts
 from .settling import settle_near
-from .spread import spread
+from .spread import Spreading
 from .state import State
 from .surface_descent import SurfaceDescent
 from .surface_edit import carry_over_on_surface
@@ -331,7 +331,7 @@ class Solver:
                 added, removed = self._edit_on_surface(problem, self.descent)
             else:
                 added, removed = self._edit_in_rectangle(problem, self.descent, settles=steps > 0)
-        self._next_identity = max(self._next_identity, int(self.model.body.identity.max()) + 1)
+        self._next_identity = max(self._next_identity, int(added.max(initial=-1)) + 1)
         if steps:
             self.step(steps)
         self.separate(again=True)
@@ -370,21 +370,32 @@ class Solver:
         model = Model(problem, unit=before.unit if 1.0 / MOST_GROWTH < ratio < MOST_GROWTH else None)
         self._name_fixed(before, model)
         old = before_edit.state
-        carried = carry_over(self.launcher, before, old.pose, model, self._next_identity, self._spread)
-        model.carry(before, carried)
-        start, natural = _carried_poses(before, old, model, carried), problem.rectangle.natural
-        descent = Descent(
-            model, self.launcher, pose=start, new=carried.pose.numpy()[carried.new, :2] if natural else None
-        )
-        carry_lines(before, old, model, descent.state, carried.source)
-        _carry_turns(before, old, model, descent.state, carried)
+        edit = EditInPlane(self.launcher, before, old.pose, model, self._spread)
+        natural = problem.rectangle.natural
+        if model.kinds or model.footprints.has_outlines or before.body.flagged or natural:
+            carried = edit.finish(self._next_identity)
+            model.carry(before, carried)
+            descent = Descent(
+                model,
+                self.launcher,
+                pose=_carried_poses(before, old, model, carried),
+                new=carried.pose.numpy()[carried.new, :2] if natural else None,
+            )
+            if before.kinds and model.kinds:
+                carry_lines(before, old, model, descent.state, carried.source)
+            _carry_turns(before, old, model, descent.state, carried)
+        else:
+            # All that such bodies bring with them is where they are: the rest is made while a GPU spreads points.
+            descent = Descent(model, self.launcher, pose=edit.pose)
+            carried = edit.finish(self._next_identity)
+            model.carry(before, carried)
         self._let_go(self.descent)
         self.model, self.descent = model, descent
         descent.place_charges()
         if settles:
             steps = min(max(BODIES_TO_SETTLE // model.body_count, FEWEST_SETTLING), MOST_SETTLING)
             settle_near(descent, carried.changes, steps)
-        return model.body.identity[carried.new], before.body.identity[carried.gone]
+        return carried.came, carried.went
 
     def _name_fixed(self, before: Model, model: Model) -> None:
         """Give the fixed bodies of an edit's model identities that nobody else has."""
@@ -392,7 +403,7 @@ class Solver:
             fixed, self._next_identity = identities_of_fixed(before, model, self._next_identity)
             identity = model.body.identity.copy()
             identity[model.fixed] = fixed
-            model.body = replace(model.body, identity=identity)
+            model.body = replace(model.body, identities=identity)
 
     def bookmark(self) -> Bookmark:
         """Return what :meth:`go_back` takes to have problem and bodies as they are now, whatever is edited until then.
@@ -500,7 +511,7 @@ class Solver:
                 raise ProblemError(
                     "`identity` must be a whole number of 0 or more for every body that no other one has"
                 )
-            model.body = replace(body, identity=identity.astype(np.int32))
+            model.body = replace(body, identities=identity.astype(np.int32))
             self._next_identity = int(identity.max()) + 1
         self._take_outlines(variant, scale)
         before = vars(self).get("descent")
@@ -740,12 +751,12 @@ class Solver:
     ) -> None:
         self.close()
 
-    def _spread(self, densities: list[np.ndarray], counts: list[int]) -> list[np.ndarray]:
+    def _spread(self, densities: list[np.ndarray], counts: list[int]) -> Callable[[], list[np.ndarray]]:
         # Equal edits one after the other are to differ.
         self._spreads += 1
         problem = self.model.problem
         seed = int(np.random.default_rng([problem.seed, 4, self._spreads]).integers(1 << 31))
-        return spread(self.launcher, problem.rectangle, densities, counts, seed)
+        return Spreading(self.launcher, problem.rectangle, densities, counts, seed).points
 
     def _position(self) -> np.ndarray:
         if self._left_at is not None:
@@ -763,14 +774,10 @@ def _carried_poses(old: Model, before: State, model: Model, carried: CarriedInPl
     pose[:, 2:] = np.nan
     came = np.flatnonzero((carried.source >= 0) & (model.body.kind >= 0))
     # What was another kind of body has neither angle nor length.
-    came = came[_charges_per_body(model)[came] == _charges_per_body(old)[carried.source[came]]]
+    came = came[model.charge.per_body[came] == old.charge.per_body[carried.source[came]]]
     pose[came, 2:] = before.pose.numpy()[carried.source[came], 2:]
     pose[came, 3] *= old.unit / model.unit
     return pose
-
-
-def _charges_per_body(model: Model) -> np.ndarray:
-    return np.diff(model.charge.first)
 
 
 def _carry_turns(old: Model, before: State, model: Model, state: State, carried: CarriedInPlane) -> None:

@@ -13,10 +13,9 @@ from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.size import Size
 from .descent import Descent
-from .final_placement import position_in_meters
 from .model import Model
 
-__all__ = ["spread"]
+__all__ = ["Spreading"]
 
 # Not many: what follows moves them once more. With 20, errors after an edit are larger by a twentieth.
 STEPS = 24
@@ -26,10 +25,10 @@ FEWEST_NODES = 2**14
 LEAST = 1e-7
 
 
-def spread(
-    launcher: Launcher, domain: Domain, densities: Sequence[np.ndarray], counts: Sequence[int], seed: int
-) -> list[np.ndarray]:
-    """Return points [m] for each density, shape ``[count, 2]``: even by themselves, and all of them together.
+class Spreading:
+    """Points that are being spread evenly over densities: by themselves, and all of them together.
+
+    A GPU spreads them while the processor goes on, until somebody asks where they are.
 
     Args:
         launcher: Where to run.
@@ -38,22 +37,34 @@ def spread(
         counts: How many points for each.
         seed: Decides what is random.
     """
-    asked = [i for i, count in enumerate(counts) if count > 0]
-    result = [np.zeros((0, 2)) for _ in counts]
-    if not asked:
+
+    def __init__(
+        self, launcher: Launcher, domain: Domain, densities: Sequence[np.ndarray], counts: Sequence[int], seed: int
+    ) -> None:
+        self._launcher, self._counts = launcher, counts
+        self._asked = [i for i, count in enumerate(counts) if count > 0]
+        self._descent: Descent | None = None
+        if not self._asked:
+            return
+        classes = [PreparedClass(str(i), (Size("point", 1.0, counts[i]),), _image(densities[i])) for i in self._asked]
+        model = Model(Problem(domain, classes, Balance(), seed=seed))
+        self._descent = Descent(model, launcher, fewest_nodes=FEWEST_NODES)
+        if model.body_count > 1:
+            self._descent.step.play(STEPS)
+
+    def points(self) -> list[np.ndarray]:
+        """Return the points [m] of each density, shape ``[count, 2]``; once."""
+        result = [np.zeros((0, 2)) for _ in self._counts]
+        descent, self._descent = self._descent, None
+        if descent is None:
+            return result
+        position = descent.positions()
+        self._launcher.release(descent.step)
+        # Bodies are in the order of their classes.
+        ends = np.cumsum([self._counts[i] for i in self._asked])
+        for i, end in zip(self._asked, ends, strict=True):
+            result[i] = position[end - self._counts[i] : end]
         return result
-    classes = [PreparedClass(str(i), (Size("point", 1.0, counts[i]),), _image(densities[i])) for i in asked]
-    model = Model(Problem(domain, classes, Balance(), seed=seed))
-    descent = Descent(model, launcher, fewest_nodes=FEWEST_NODES)
-    if model.body_count > 1:
-        descent.step.play(STEPS)
-    position = position_in_meters(model, descent.state, launcher)
-    launcher.release(descent.step)
-    # Bodies are in the order of their classes.
-    ends = np.cumsum([counts[i] for i in asked])
-    for i, end in zip(asked, ends, strict=True):
-        result[i] = position[end - counts[i] : end]
-    return result
 
 
 def _image(density: np.ndarray) -> np.ndarray:

@@ -176,7 +176,7 @@ def _with_turns(model: Model, bodies: PartBodies) -> Model:
     if model.footprints.has_outlines:
         turn = np.where(model.footprints.is_outline, bodies.turn, model.footprints.turn)
         model.footprints = replace(model.footprints, turn=turn)
-        model.body = replace(model.body, identity=(bodies.identity % 2**31).astype(np.int32))
+        model.body = replace(model.body, identities=(bodies.identity % 2**31).astype(np.int32))
     return model
 
 

@@ -26,7 +26,7 @@ from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.quality.measurement import measure
-from esh.engine.solver.edit import carry_over
+from esh.engine.solver.edit import EditInPlane
 from esh.engine.solver.line_rules import length_blocks
 from esh.engine.solver.model import Model
 from esh.engine.solver.settling import settle_near
@@ -349,15 +349,15 @@ def test_a_body_goes_where_no_points_are_spread():
 
     def spread(densities, counts):
         asked.append(counts)
-        return [np.tile([[48.0, 32.0]], (count, 1)) for count in counts]
+        return lambda: [np.tile([[48.0, 32.0]], (count, 1)) for count in counts]
 
     pose = np.zeros((100, 4), np.float32)
     pose[:, :2] = position / old.unit
     model = Model(problem_of(half, 100))
     with closing(Launcher(resolve_device("cpu"))) as launcher:
-        carried = carry_over(launcher, old, launcher.array(pose, wp.vec4), model, 100, spread)
+        carried = EditInPlane(launcher, old, launcher.array(pose, wp.vec4), model, spread).finish(100)
     left = position[:, 0] < 32.0
-    assert len(carried.new) == len(carried.gone) == 50
+    assert len(carried.new) == len(carried.came) == len(carried.went) == 50
     assert (carried.pose.numpy()[:, 0] * model.unit >= 32.0).all()
     # Fifty are to come, so that five of those that could stay make room for them.
     assert asked == [[5, 0, 50]]
