@@ -76,7 +76,7 @@ BODIES_TO_SETTLE = 80_000
 # An edit that makes so many times more or fewer charges gets another unit of length.
 MOST_GROWTH = 1.5
 # Steps on a GPU between two looks at how far bodies still move, where nobody wants to hear of each.
-STEPS_UNWATCHED = 20
+STEPS_UNWATCHED = 50
 # Outlines that look at a point may look past it by this much [rad], 2 degrees, before they are turned and parted again, so many times
 # at most: in crowds one body or the other is always moved far, and trading places is what makes room.
 LOOKS_AWAY = 0.035
