@@ -17,6 +17,8 @@ STEEPER = wp.constant(wp.float64(math.pi / 3.0))
 # Nor do they where the surface turns by much more than a right angle between them: below this cosine. Across a right-angled edge they
 # do, whatever rounding makes of its cosine of 0.
 LEAST_COSINE = wp.constant(wp.float64(-0.1))
+# Outlines do across sharper creases, too, up to this cosine, if they lie in both planes.
+SHARPEST_COSINE = wp.constant(wp.float64(-0.95))
 
 
 @wp.struct
@@ -101,8 +103,23 @@ def take_units(
 
 
 @wp.func
-def depth_on_sheet(i: int, j: int, way: wp.vec3d, distance: wp.float64, sheets: Sheets, shapes: Shapes):
-    """How deep two outlines lie in each other in the plane between them."""
+def unfolded(way: wp.vec3d, normal: wp.vec3d, other: wp.vec3d):
+    """How far it is over the line in which two planes meet, along them and along it; 0 where they do not meet between."""
+    line = wp.normalize(wp.cross(normal, other))
+    # In each plane, away from here and across the line.
+    here = wp.cross(line, normal)
+    there = wp.cross(line, other)
+    # The way is a step in the one and a step in the other, and one along the line.
+    first = wp.dot(way, other) / wp.dot(here, other)
+    second = wp.dot(way, normal) / wp.dot(there, normal)
+    if first * second <= ZERO:
+        return wp.vec2d(ZERO, ZERO)
+    return wp.vec2d(first + second, wp.dot(way, line))
+
+
+@wp.func
+def depth_on_sheet(i: int, j: int, way: wp.vec3d, distance: wp.float64, over: wp.vec2d, sheets: Sheets, shapes: Shapes):
+    """How deep two outlines lie in each other in the plane between them; ``over`` is what :func:`unfolded` returns, or 0."""
     between = wp.normalize(sheets.normal[i] + sheets.normal[j])
     x = in_plane_between(sheets.along[i], sheets.normal[i], between)
     y = wp.cross(between, x)
@@ -111,7 +128,14 @@ def depth_on_sheet(i: int, j: int, way: wp.vec3d, distance: wp.float64, sheets: 
     s = wp.dot(axis, y)
     at = wp.vec2d(wp.dot(way, x), wp.dot(way, y))
     flat = wp.length(at)
-    if flat > ZERO:
+    if wp.length(over) > ZERO:
+        line = wp.normalize(wp.cross(sheets.normal[i], sheets.normal[j]))
+        across = wp.cross(line, between)
+        at = wp.vec2d(
+            over[0] * wp.dot(across, x) + over[1] * wp.dot(line, x),
+            over[0] * wp.dot(across, y) + over[1] * wp.dot(line, y),
+        )
+    elif flat > ZERO:
         at = at * (distance / flat)
     begin = shapes.first_corner[j]
     count = shapes.first_corner[j + 1] - begin
@@ -131,9 +155,15 @@ def depth_of_pair(i: int, j: int, sheets: Sheets, shapes: Shapes):
     distance = wp.length(way)
     if distance >= shapes.reach[i] + shapes.reach[j]:
         return ZERO
+    over = wp.vec2d(ZERO, ZERO)
     if not on_one_sheet(way, distance, sheets.normal[i], sheets.normal[j]):
-        return ZERO
-    return depth_on_sheet(i, j, way, distance, sheets, shapes)
+        cosine = wp.dot(sheets.normal[i], sheets.normal[j])
+        if cosine >= LEAST_COSINE or cosine <= SHARPEST_COSINE:
+            return ZERO
+        over = unfolded(way, sheets.normal[i], sheets.normal[j])
+        if wp.length(over) == ZERO:
+            return ZERO
+    return depth_on_sheet(i, j, way, distance, over, sheets, shapes)
 
 
 @wp.kernel

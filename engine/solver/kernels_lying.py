@@ -11,6 +11,7 @@ from ..surface.kernels_facets import carried, tangential
 wp.set_module_options({"enable_backward": False})
 
 STEEPER, LEAST_COSINE = wp.constant(one_sheet.STEEPER), wp.constant(one_sheet.LEAST_COSINE)
+SHARPEST_COSINE = wp.constant(one_sheet.SHARPEST_COSINE)
 
 
 @wp.struct
@@ -59,3 +60,20 @@ def flat_way(way: wp.vec3, distance: float, normal: wp.vec3, other: wp.vec3):
     flat = tangential(way, between)
     flat = flat * (distance / wp.max(wp.length(flat), 1.0e-12))
     return carried(flat, between, normal)
+
+
+@wp.func
+def over_crease(way: wp.vec3, normal: wp.vec3, other: wp.vec3):
+    """The way to somewhere beyond a sharp crease, in the plane here, as it is once both planes lie in one; 0 where none is between.
+
+    The two planes meet in a line. Here is so far before it, and there so far behind it, as the way rises out of the other plane, over
+    the sine of their angle.
+    """
+    axis = wp.cross(normal, other)
+    sine = wp.length(axis)
+    axis = axis / sine
+    before = wp.dot(way, other) / sine
+    behind = -wp.dot(way, normal) / sine
+    if before * behind <= 0.0:
+        return wp.vec3(0.0)
+    return wp.cross(axis, normal) * (before + behind) + axis * wp.dot(way, axis)

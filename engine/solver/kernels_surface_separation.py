@@ -13,7 +13,17 @@ from ..space.kernels_meeting import Meeting, keep_apart
 from ..surface.kernels_facets import Spot, carried, smooth_normal, spot_at, step_along, tangential, tile_of
 from ..surface.kernels_relations import see_each_other
 from .kernels_descent import Bodies
-from .kernels_lying import Slots, cell_of_block, flat_way, in_plane, on_one_sheet, slot_of_level
+from .kernels_lying import (
+    LEAST_COSINE,
+    SHARPEST_COSINE,
+    Slots,
+    cell_of_block,
+    flat_way,
+    in_plane,
+    on_one_sheet,
+    over_crease,
+    slot_of_level,
+)
 from .kernels_on_surface import Ground, may_be, walk
 from .kernels_outlines import Outlines, apart
 from .kernels_pairs import Pairs
@@ -124,12 +134,20 @@ def glance_at(here: Standing, j: int, crowd: SurfaceCrowd):
     other = crowd.normal[j]
     way = crowd.position[j] - here.position
     distance = wp.length(way)
-    meets = see_each_other(facets.label[here.facet], facets.label[there], facets.label, facets.relations)
-    if not meets or not on_one_sheet(way, distance, normal, other):
+    if not see_each_other(facets.label[here.facet], facets.label[there], facets.label, facets.relations):
         return seen
-    seen.met = 1
+    flat = wp.vec3(0.0)
+    cosine = wp.dot(normal, other)
+    if on_one_sheet(way, distance, normal, other):
+        seen.met = 1
+        flat = flat_way(way, distance, normal, other)
+    elif cosine < LEAST_COSINE and cosine > SHARPEST_COSINE:
+        flat = over_crease(way, normal, other)
+        seen.met = int(wp.length(flat) > 0.0)
+    if seen.met == 0:
+        return seen
     beside = wp.cross(normal, here.along)
-    seen.way = in_plane(flat_way(way, distance, normal, other), here.along, beside)
+    seen.way = in_plane(flat, here.along, beside)
     seen.turned = wp.normalize(in_plane(carried(crowd.along[j], other, normal), here.along, beside))
     return seen
 

@@ -125,6 +125,37 @@ def first_axis(normal):
     return axis / np.linalg.norm(axis, axis=1, keepdims=True)
 
 
+@pytest.mark.parametrize("angle", [75.0, 45.0, 30.0])
+def test_outlines_keep_apart_across_creases_that_are_sharper_than_a_right_angle(angle):
+    """A ridge of two faces, unfolded to measure: at 45 degrees all of eight seeds had overlaps, up to 6 % of an outline, untold."""
+    half = np.radians(0.5 * angle)
+    down = np.array([[np.sin(half), 0.0, -np.cos(half)], [-np.sin(half), 0.0, -np.cos(half)]])
+    ridge = np.array([[0.0, 0.0, 0.0], [0.0, 3.0, 0.0]])
+    vertices = np.concatenate([ridge, ridge + 1.5 * down[0], ridge + 1.5 * down[1]])
+    surface = esh.Surface(esh.SurfaceMesh(vertices, [[0, 2, 3], [0, 3, 1], [0, 5, 4], [0, 1, 5]]))
+    for seed in range(4):
+        placement = esh.solve(asked(surface, [BOX], 60, 0.7, seed=seed), device="cpu")
+        side = (placement.position[:, 0] < 0.0).astype(int)
+        sign = 1.0 - 2.0 * side
+
+        def flat(vectors, side=side, sign=sign):
+            return np.stack([sign * np.einsum("nd,nd->n", vectors, down[side]), vectors[:, 1]], axis=1)
+
+        at, along = flat(placement.position), flat(placement.tangent)
+        shapes = []
+        for i in range(len(at)):
+            corners = outline_of(placement, i).corners
+            x = along[i] / np.linalg.norm(along[i])
+            shapes.append(shapely.Polygon(at[i] + corners @ np.array([x, [-x[1], x[0]]])))
+        width = np.sqrt(shapes[0].area)
+        tree = shapely.STRtree(shapes)
+        one, other = tree.query(shapes, predicate="intersects")
+        deep = [shapes[i].intersection(shapes[j]).area / width for i, j in zip(one, other, strict=True) if i < j]
+        assert max(deep, default=0.0) < 2e-3 * width
+        assert placement.report.overlaps == 0
+
+
+
 def test_turns_that_are_given_are_kept_and_others_follow_from_contact(parted):
     for placement in parted.values():
         first = first_axis(placement.normal)
