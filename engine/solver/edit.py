@@ -129,7 +129,7 @@ class EditInPlane:
             # Where few are left of many they are as even as points are, not as those that they were among.
             row = launcher.empty(len(placed), wp.int32)
             body = launcher.array(placed, wp.int32)
-            launcher.launch(kernels_edit.find_rows, len(placed), [body, self._row_of], [row])
+            launcher.launch(kernels_edit.read_numbers, len(placed), [body, self._row_of], [row])
             self._changes += [self._places(body), self._put_down(row, points[1] / model.unit)]
         self._changes.append(self._put_down(new_rows, points[2] / model.unit))
         self._new.append(_listed(new_rows))
@@ -143,7 +143,7 @@ class EditInPlane:
         gone = numbers_of_marked(launcher, marked)
         before = old.body.identities_on(launcher)
         went = launcher.empty(len(gone), wp.int32)
-        launcher.launch(kernels_edit.read_identities, len(gone), [gone, before], [went])
+        launcher.launch(kernels_edit.read_numbers, len(gone), [gone, before], [went])
         new = np.sort(np.concatenate(self._new))
         came = np.empty(len(new), np.int32)
         is_fixed = model.fixed[new]

@@ -247,16 +247,16 @@ def take_seats(
 
 
 @wp.kernel
-def find_rows(
+def read_numbers(
     first: int,
     body: wp.array(dtype=wp.int32),
-    row_of: wp.array(dtype=wp.int32),
+    number: wp.array(dtype=wp.int32),
     # outputs
-    row: wp.array(dtype=wp.int32),
+    read: wp.array(dtype=wp.int32),
 ):
-    """In which rows some bodies are now."""
+    """Of some bodies a number that every body has: its row, its identity."""
     k = first + wp.tid()
-    row[k] = row_of[body[k]]
+    read[k] = number[body[k]]
 
 
 @wp.kernel
@@ -285,19 +285,6 @@ def read_places(
     """Where some bodies are, times a scale."""
     k = first + wp.tid()
     point[k] = scale * place_of(pose[body[k]])
-
-
-@wp.kernel
-def read_identities(
-    first: int,
-    body: wp.array(dtype=wp.int32),
-    identity: wp.array(dtype=wp.int32),
-    # outputs
-    read: wp.array(dtype=wp.int32),
-):
-    """The identities of some bodies."""
-    k = first + wp.tid()
-    read[k] = identity[body[k]]
 
 
 @wp.kernel
