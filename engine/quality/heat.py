@@ -1,7 +1,8 @@
 """Coverage error on a surface: charges and target, smoothed by the heat kernel, compared.
 
 The surface is cut into even triangles of about half a spacing, on which heat spreads by linear finite elements with the cotangent
-Laplacian. In time it is exact: exp(-t L) is expanded in Chebyshev polynomials of L. Nothing of this is known to the solver.
+Laplacian. Where some are slivers, sides are halved instead, and those within a triangle of the surface turned. In time it is exact:
+exp(-t L) is expanded in Chebyshev polynomials of L. Nothing of this is known to the solver.
 
 **Limitations**: Meshes that touch without sharing corners are measured as if they ended there.
 """
@@ -20,7 +21,8 @@ from ..problem.sides import Sides
 from ..problem.surface import PointsOnSurface, Surface
 from ..space.cell_sort import CellSort
 from . import kernels_heat
-from .split_triangles import split_triangles
+from .flips import cotangents
+from .split_triangles import halve_triangles, split_triangles
 from .summaries import largest_by_kind, sum_of_squares
 
 __all__ = ["HeatMesh"]
@@ -36,6 +38,9 @@ FINEST = 1.0 / 12.0
 # Of slivers it may be this share, so that no larger share of the surface's area is too slow.
 SHORTEST = 1.0 / 100.0
 MOST_SLOWED = 0.01
+# Triangles as low as this, over the side below, are slivers, among which it may be less.
+SLIVER = 1.0 / 16.0
+MOST_SLOWED_OF_SLIVERS = 0.002
 # Points that stand for a third of a small triangle each, by weights of its corners; how many are asked for a density at once.
 INNER = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
 POINTS_AT_ONCE = 1 << 20
@@ -63,8 +68,13 @@ class HeatMesh:
         typical = _typical_size(surface)
         # Slivers are split along their length first: even parts of them would be far finer across than they are long.
         self._triangles = split_triangles(surface, LONGER * max(typical, finest), small)
+        cuts = max(1, min(math.ceil(typical / finest), int(math.sqrt(small / len(self._triangles)))))
+        most_slowed = MOST_SLOWED
+        if cuts > 1 and self._triangles.lowest() < SLIVER:
+            # Even parts of a sliver lie in rows along it, so fine that heat is slowed across each; together they are a wall.
+            self._triangles, cuts = halve_triangles(surface, finest, small).delaunay(), 1
+            most_slowed = MOST_SLOWED_OF_SLIVERS
         triangles = len(self._triangles)
-        cuts = max(1, min(math.ceil(typical / finest), int(math.sqrt(small / triangles))))
         self._steps, self._pattern = _cut_evenly(cuts)
         self._cut, self._count = _vertices_of(launcher, self._triangles.sides, self._steps, self._pattern)
         n, corners = self._count, triangles * self._pattern.size
@@ -74,7 +84,7 @@ class HeatMesh:
         launcher.launch(
             kernels_heat.sum_at_vertices, n, inputs, [self._area, self._root, rate], grain=GRAIN_OF_NEIGHBORS
         )
-        fastest = self._fastest(rate)
+        fastest = self._fastest(rate, most_slowed)
         column, value = launcher.empty(2 * corners, wp.int32), launcher.empty(2 * corners, float)
         diagonal = launcher.empty(n, float)
         launcher.launch(
@@ -92,7 +102,7 @@ class HeatMesh:
         alike = self._launcher.alike(of_all(np.int32(0), self._count), wp.int32)
         return float(largest_by_kind(self._launcher, values, alike, 1)[0])
 
-    def _fastest(self, rate: wp.array) -> float:
+    def _fastest(self, rate: wp.array, most_slowed: float) -> float:
         """How fast heat is to spread across a side over the mass of the lighter of its ends at most [1/m²].
 
         Sides that are shorter than the finest detail that matters are as slow as those, for there would be too many polynomials. Where
@@ -107,14 +117,14 @@ class HeatMesh:
         fast = np.flatnonzero(values > 4.0 * slowest)
         order = fast[np.argsort(-values[fast])]
         share = np.cumsum(self._area.numpy()[order]) / self._surface.area
-        needed = values[order[min(int(np.searchsorted(share, MOST_SLOWED)), len(order) - 1)]]
+        needed = values[order[min(int(np.searchsorted(share, most_slowed)), len(order) - 1)]]
         return float(np.clip(0.25 * needed, slowest, shortest))
 
     def _stiffness(self, corner: np.ndarray, corners: int) -> kernels_heat.Stiffness:
         """The Laplacian of so many corners of small triangles as kernels take it."""
         launcher = self._launcher
         stiffness = kernels_heat.Stiffness()
-        stiffness.cotangent = launcher.array(_half_cotangents(corner), wp.vec3d)
+        stiffness.cotangent = launcher.array(0.5 * cotangents(corner), wp.vec3d)
         stiffness.area = launcher.array(self._triangles.area / len(self._pattern) / 3.0, wp.float64)
         sort = CellSort(launcher, corners, self._count)
         sort.sort(kernels_heat.find_vertices, [self._cut])
@@ -283,13 +293,3 @@ def _chebyshev(half: float) -> np.ndarray:
     coefficient = 2.0 / terms * (values @ np.cos(angle[:, None] * np.arange(terms)))
     coefficient[0] *= 0.5
     return coefficient[: max(2, int(np.flatnonzero(np.abs(coefficient) > PRECISION)[-1]) + 1)]
-
-
-def _half_cotangents(corner: np.ndarray) -> np.ndarray:
-    """Half the cotangents of the angles at the corners of triangles, shape ``[t, 3]``."""
-    result = []
-    for k in range(3):
-        to_next, to_last = (corner[:, (k + step) % 3] - corner[:, k] for step in (1, 2))
-        double_area = np.linalg.norm(np.cross(to_next, to_last), axis=1)
-        result.append(0.5 * (to_next * to_last).sum(axis=1) / double_area)
-    return np.stack(result, axis=1)

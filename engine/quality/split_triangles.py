@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ..problem.sides import Sides, sides_of
 from ..problem.surface import Surface
+from .flips import Flips, find_flips
 
-__all__ = ["SplitTriangles", "split_triangles"]
+__all__ = ["SplitTriangles", "halve_triangles", "split_triangles"]
 
 # The three ways to halve sides of a triangle, for one side, two and three: corners of the parts. 0 to 2 are the corners of the whole,
 # 3 to 5 the middles of the sides opposite of them. Of one the side is opposite of corner 0, of two the others are halved.
@@ -47,17 +48,17 @@ class _Pass(NamedTuple):
         apex, count, rows = self.apex[triangle], self.number[triangle], np.arange(len(triangle))
         ahead = np.where(apex < 0, 0.0, 1.0 - weight[rows, apex])
         guess = (ahead * count).astype(np.int64)
-        back = np.linalg.inv(self.weight)
+        around = np.arange(-PARTS_AROUND, PARTS_AROUND + 1)[:, None]
+        candidates = self.first[triangle] + np.clip(guess + around, 0, count - 1)
+        needed, place = np.unique(candidates, return_inverse=True)
+        back = np.linalg.inv(self.weight[needed])
         least, part, inside = np.full(len(triangle), -np.inf), np.zeros_like(triangle), np.zeros_like(weight)
-        for step in range(-PARTS_AROUND, PARTS_AROUND + 1):
-            tried = self.first[triangle] + np.clip(guess + step, 0, count - 1)
-            found = np.einsum("nk,nkd->nd", weight, back[tried])
+        for tried, at in zip(candidates, place.reshape(candidates.shape), strict=True):
+            found = np.einsum("nk,nkd->nd", weight, back[at])
             better = found.min(axis=1) > least
             least = np.where(better, found.min(axis=1), least)
             part, inside = np.where(better, tried, part), np.where(better[:, None], found, inside)
-        # Rounding may have left a side.
-        inside = np.maximum(inside, 0.0)
-        return part, inside / inside.sum(axis=1, keepdims=True)
+        return part, _inside(inside)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +79,7 @@ class SplitTriangles:
     origin: np.ndarray
     weight: np.ndarray
     _passes: tuple[_Pass, ...] = field(default=(), repr=False)
+    _flips: tuple[Flips, ...] = field(default=(), repr=False)
 
     def __len__(self) -> int:
         return len(self.origin)
@@ -95,9 +97,26 @@ class SplitTriangles:
 
     def locate(self, triangle: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the same the other way round."""
+        of_surface = weight
         for one in self._passes:
             triangle, weight = one.locate(triangle, weight)
-        return triangle, weight
+        if not self._flips:
+            return triangle, weight
+        for flips in self._flips:
+            triangle = flips.locate(triangle, of_surface)
+        return triangle, _inside(np.einsum("nk,nkd->nd", of_surface, np.linalg.inv(self.weight[triangle])))
+
+    def delaunay(self) -> SplitTriangles:
+        """The same vertices, with the best triangles between them within every triangle of the surface."""
+        flips, corner, weight, vertex = find_flips(self.corner, self.weight, _vertices(self.sides), self.origin)
+        area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+        return replace(self, corner=corner, weight=weight, area=area, sides=sides_of(vertex), _flips=tuple(flips))
+
+    def lowest(self) -> float:
+        """The smallest height over the side below it: small where there are slivers; two corners that are one make none."""
+        is_flat = (self.sides.start == self.sides.end).reshape(-1, 3).any(axis=1)
+        longest = _lengths(self).max(axis=1)
+        return float(np.where(is_flat, 1.0, 2.0 * self.area / np.maximum(longest, 1e-300) ** 2).min())
 
     def _after(self, one: _Pass, vertex: np.ndarray) -> SplitTriangles:
         """What a pass makes of them; ``vertex`` are those of its parts."""
@@ -119,9 +138,7 @@ def split_triangles(surface: Surface, longest: float, most: int) -> SplitTriangl
         longest: Length of a side [m].
         most: How many triangles there may be; sides may be longer where there would be more.
     """
-    corner = surface.position[surface.triangle]
-    whole = np.broadcast_to(np.eye(3), corner.shape)
-    result = SplitTriangles(corner, surface.triangle_area, surface.sides, np.arange(len(corner)), whole)
+    result = _whole(surface)
     while True:
         is_large = (_lengths(result) > longest).all(axis=1)
         # By its number, so that both triangles of a side agree on it.
@@ -142,6 +159,33 @@ def split_triangles(surface: Surface, longest: float, most: int) -> SplitTriangl
             break
         longest, parts = LONGER * longest, np.ones_like(parts)
     return result if of_sides.max() == 1 else result._after(*_across(parts, result.sides))
+
+
+def halve_triangles(surface: Surface, longest: float, most: int) -> SplitTriangles:
+    """Halve every side until none is longer than asked for; arguments are those of :func:`split_triangles`.
+
+    Slivers become shorter ones, none of which is cut along its length for being large all around. There are more triangles than that
+    function makes, as it cuts slivers once.
+    """
+    result = _whole(surface)
+    while len(result) < most:
+        is_halved = np.zeros(len(result.sides.count), bool)
+        is_halved[result.sides.number[_lengths(result).ravel() > longest]] = True
+        halved = is_halved[result.sides.number].reshape(-1, 3)
+        if not halved.any():
+            break
+        if len(result) + int(halved.sum()) <= most:
+            result = result._after(*_in_halves(halved, result.sides, is_halved))
+        else:
+            longest *= LONGER
+    return result
+
+
+def _whole(surface: Surface) -> SplitTriangles:
+    """The triangles of a surface as they are."""
+    corner = surface.position[surface.triangle]
+    weight = np.broadcast_to(np.eye(3), corner.shape)
+    return SplitTriangles(corner, surface.triangle_area, surface.sides, np.arange(len(corner)), weight)
 
 
 def _lengths(triangles: SplitTriangles) -> np.ndarray:
@@ -223,6 +267,12 @@ def _zipped(left: int, right: int) -> np.ndarray:
             pattern.append((i, left + 2 + j, left + 1 + j))
             j += 1
     return np.array(pattern)
+
+
+def _inside(weight: np.ndarray) -> np.ndarray:
+    """Weights of corners, shape ``[n, 3]``, none of which rounding has left below 0."""
+    weight = np.maximum(weight, 0.0)
+    return weight / weight.sum(axis=1, keepdims=True)
 
 
 def _vertices(sides: Sides) -> np.ndarray:

@@ -7,8 +7,9 @@ import warp as wp
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.problem.nearest_on_triangles import nearest_on_triangles
+from esh.engine.quality.flips import cotangents
 from esh.engine.quality.heat import HeatMesh
-from esh.engine.quality.split_triangles import split_triangles
+from esh.engine.quality.split_triangles import halve_triangles, split_triangles
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -29,12 +30,17 @@ def strips(columns, rows):
     return esh.Surface(esh.SurfaceMesh(place, faces))
 
 
+def halved(surface, longest, most):
+    return halve_triangles(surface, longest, most).delaunay()
+
+
+@pytest.mark.parametrize("split", [split_triangles, halved])
 @pytest.mark.parametrize("longest", [1.0, 0.3, 0.05])
 @pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES.keys())
-def test_parts_fit_together_and_cover_the_surface(mesh, longest):
+def test_parts_fit_together_and_cover_the_surface(mesh, longest, split):
     given = mesh()
     surface = esh.Surface(esh.SurfaceMesh(given.vertices, given.faces))
-    parts = split_triangles(surface, longest, 1_000_000)
+    parts = split(surface, longest, 1_000_000)
     side = np.linalg.norm(parts.corner - np.roll(parts.corner, 1, axis=1), axis=2)
     # What crosses a part is no side of the whole, and may be a little longer.
     assert side.max() < 1.5 * longest
@@ -52,6 +58,21 @@ def test_parts_fit_together_and_cover_the_surface(mesh, longest):
     np.testing.assert_allclose(np.einsum("nk,nkd->nd", weight, parts.corner[triangle]), points.position, atol=1e-12)
     back = surface.points(*parts.points(triangle, weight))
     np.testing.assert_allclose(back.position, points.position, atol=1e-12)
+
+
+@pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES.keys())
+def test_parts_within_a_triangle_are_delaunay(mesh):
+    given = mesh()
+    parts = halved(esh.Surface(esh.SurfaceMesh(given.vertices, given.faces)), 0.1, 1_000_000)
+    first, second = parts.sides.pairs()
+    inner = parts.origin[first // 3] == parts.origin[second // 3]
+    cotangent = cotangents(parts.corner).ravel()
+    assert inner.any() and (cotangent[first] + cotangent[second])[inner].min() > -1e-5
+
+
+def test_as_many_halves_as_are_allowed():
+    assert len(halve_triangles(strips(100, 1), 0.001, 3000)) <= 3000
+    assert halve_triangles(strips(40, 40), 0.001, 1000).is_whole
 
 
 def test_nothing_is_split_where_all_sides_are_short_and_few_where_few_are_allowed():

@@ -21,6 +21,7 @@ from esh.engine.quality.heat import HeatMesh
 from esh.engine.quality.kernels_sheets import on_one_sheet
 from esh.engine.quality.measurement import measure
 from esh.engine.quality.sheets import sheets_of
+from esh.engine.solve import solve
 
 BENCHMARKS = Path(__file__).resolve().parents[3] / "benchmarks"
 
@@ -91,6 +92,21 @@ def test_coverage_errors_are_those_of_finite_elements_by_scipy(launcher, shape):
     assert charges.numpy().sum() == pytest.approx(700.0)
     for k, expected in zip((1.0, 2.0, 4.0), other.coverage(points.position, density, (1.0, 2.0, 4.0)), strict=True):
         assert heat.error(charges, 700.0, target, 700, k) == pytest.approx(expected, rel=0.02)
+
+
+def hull():
+    """Of 30 points; two of its triangles have corners of 2 and 5 degrees."""
+    mesh = trimesh.convex.convex_hull(np.random.default_rng(2).random((30, 3)))
+    return np.array(mesh.vertices), np.array(mesh.faces)
+
+
+@pytest.mark.parametrize("mesh", [hull(), meshes.thin_box(1024)], ids=["hull", "thin box"])
+def test_slivers_are_no_walls_to_heat(mesh):
+    """Coverage errors of even bodies were five to nine times too high."""
+    problem = Problem(Surface(SurfaceMesh(*mesh)), [BodyClass("a", [Size("s", 1e-6, 1024)])])
+    placement = solve(problem, device="cpu")
+    expected = metric.SurfaceMetric(*mesh, 1024).coverage(placement.position, lambda place: np.ones(len(place)), (1.0,))
+    assert placement.report.coverage_error == pytest.approx(expected[0], rel=0.3)
 
 
 def test_heat_is_neither_lost_nor_made_and_spreads_as_a_gaussian(launcher):
