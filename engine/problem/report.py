@@ -9,6 +9,8 @@ __all__ = ["ClassReport", "Report", "SizeReport"]
 
 # Peak of a signal over its mean: a dot on every pixel of an image with four times as many pixels as there are dots on average.
 PEAK = 4.0
+# Smallest spacings below this are explained: they come of uneven densities and of sizes that mix, and look like a flaw.
+LOW_SPACING = 0.5
 
 
 def _psnr(coverage_error: float) -> float | None:
@@ -152,10 +154,20 @@ class Report:
             f"all bodies: coverage error {self.coverage_error:.4f}{noise}, smallest spacing "
             f"{_two_digits(self.smallest_spacing)} and order {_two_digits(self.order)} (hexagonal = 1), "
             f"{self.overlaps} overlaps, {self.covered:.0%} of the space covered",
+            *self._distances(),
             f"{self.steps} steps, {state}, {self.seconds:.2f} s on {self.device}",
             *self.notes,
         ]
         return "\n".join(lines)
+
+    def _distances(self) -> list[str]:
+        """How far bodies are apart [m], where the smallest spacing is low, and what that is relative to."""
+        if self.closest is None or self.usual is None or (self.smallest_spacing or 1.0) >= LOW_SPACING:
+            return []
+        return [
+            f"nearest bodies are {self.closest:.3g} m apart at least, {self.usual:.3g} m as a rule; spacings are relative to what the "
+            "density asks for at the place, so they are small where it asks for few"
+        ]
 
 
 def _two_digits(value: float | None) -> str:

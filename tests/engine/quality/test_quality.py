@@ -210,6 +210,9 @@ def test_a_report_measures_every_class_by_itself(launcher):
     assert f"({report.psnr:.0f} dB)" in str(report)
     rows = [line.split() for line in str(report).splitlines()]
     assert rows[1][-2] == f"{square:.2f}" and rows[3][-2:] == ["-", "-"]
+    assert "m apart at least" not in str(replace(report, smallest_spacing=0.8))
+    low = str(replace(report, smallest_spacing=0.12))
+    assert f"nearest bodies are {report.closest:.3g} m apart at least, {report.usual:.3g} m as a rule" in low
     alone = replace(problem, classes=[BodyClass("a", [Size("s", 0.1, 64)])])
     single = measure(Placement(alone, coarse, index[:64], index[:64], *[nothing[:64]] * 3), launcher)
     assert single.classes[0].smallest_spacing == single.smallest_spacing == pytest.approx(square, rel=1e-5)
