@@ -50,6 +50,9 @@ def solve(
         the last step below 0.005 of the local spacing (0.02 where outlines that keep apart cover more than 75 % of their ground, and
         contact decides how far they move), and no outlines overlap where they are to keep apart.
 
+        More steps may still help a little then: of 2,000 bodies that is so from 20 steps on, where coverage errors are up to a
+        fifth above those after 400.
+
     Raises:
         ProblemError: No problem, one that does not fit into memory or leaves the range of float32, a ``progress`` that cannot be
             called, or ``max_steps`` below 1.
