@@ -48,7 +48,7 @@ class _Pass(NamedTuple):
         apex, count, rows = self.apex[triangle], self.number[triangle], np.arange(len(triangle))
         ahead = np.where(apex < 0, 0.0, 1.0 - weight[rows, apex])
         guess = (ahead * count).astype(np.int64)
-        around = np.arange(-PARTS_AROUND, PARTS_AROUND + 1)[:, None]
+        around = np.arange(-PARTS_AROUND if (self.apex >= 0).any() else 0, PARTS_AROUND + 1)[:, None]
         candidates = self.first[triangle] + np.clip(guess + around, 0, count - 1)
         needed, place = np.unique(candidates, return_inverse=True)
         back = np.linalg.inv(self.weight[needed])
