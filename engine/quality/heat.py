@@ -41,6 +41,9 @@ MOST_SLOWED = 0.01
 # Triangles as low as this, over the side below, are slivers, among which it may be less.
 SLIVER = 1.0 / 16.0
 MOST_SLOWED_OF_SLIVERS = 0.002
+# Where no larger share of the area lies within a spacing of slivers, they are left as they are. Measured on spheres with one: with a share
+# of .0006 errors are a twentieth too high, with .0012 up to two thirds.
+FEW_SLIVERS = 5e-4
 # Points that stand for a third of a small triangle each, by weights of its corners; how many are asked for a density at once.
 INNER = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
 POINTS_AT_ONCE = 1 << 20
@@ -70,10 +73,11 @@ class HeatMesh:
         self._triangles = split_triangles(surface, LONGER * max(typical, finest), small)
         cuts = max(1, min(math.ceil(typical / finest), int(math.sqrt(small / len(self._triangles)))))
         most_slowed = MOST_SLOWED
-        if cuts > 1 and self._triangles.lowest() < SLIVER:
+        if cuts > 1 and self._triangles.beside_slivers(SLIVER, self.spacing) > FEW_SLIVERS:
             # Even parts of a sliver lie in rows along it, so fine that heat is slowed across each; together they are a wall.
-            self._triangles, cuts = halve_triangles(surface, finest, small).delaunay(), 1
-            most_slowed = MOST_SLOWED_OF_SLIVERS
+            halved = halve_triangles(surface, finest, small)
+            if halved is not None:
+                self._triangles, cuts, most_slowed = halved.delaunay(), 1, MOST_SLOWED_OF_SLIVERS
         triangles = len(self._triangles)
         self._steps, self._pattern = _cut_evenly(cuts)
         self._cut, self._count = _vertices_of(launcher, self._triangles.sides, self._steps, self._pattern)

@@ -112,11 +112,15 @@ class SplitTriangles:
         area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
         return replace(self, corner=corner, weight=weight, area=area, sides=sides_of(vertex), _flips=tuple(flips))
 
-    def lowest(self) -> float:
-        """The smallest height over the side below it: small where there are slivers; two corners that are one make none."""
+    def beside_slivers(self, lowest: float, width: float) -> float:
+        """Share of the area that lies within a width [m] of slivers, about: triangles as low as this over the longest side.
+
+        Those of which two corners are one are none.
+        """
         is_flat = (self.sides.start == self.sides.end).reshape(-1, 3).any(axis=1)
         longest = _lengths(self).max(axis=1)
-        return float(np.where(is_flat, 1.0, 2.0 * self.area / np.maximum(longest, 1e-300) ** 2).min())
+        slivers = ~is_flat & (2.0 * self.area < lowest * longest**2)
+        return float(longest[slivers].sum()) * width / float(self.area.sum())
 
     def _after(self, one: _Pass, vertex: np.ndarray) -> SplitTriangles:
         """What a pass makes of them; ``vertex`` are those of its parts."""
@@ -161,24 +165,25 @@ def split_triangles(surface: Surface, longest: float, most: int) -> SplitTriangl
     return result if of_sides.max() == 1 else result._after(*_across(parts, result.sides))
 
 
-def halve_triangles(surface: Surface, longest: float, most: int) -> SplitTriangles:
+def halve_triangles(surface: Surface, longest: float, most: int) -> SplitTriangles | None:
     """Halve every side until none is longer than asked for; arguments are those of :func:`split_triangles`.
 
     Slivers become shorter ones, none of which is cut along its length for being large all around. There are more triangles than that
     function makes, as it cuts slivers once.
+
+    Returns:
+        None where there would be too many.
     """
     result = _whole(surface)
-    while len(result) < most:
+    while True:
         is_halved = np.zeros(len(result.sides.count), bool)
         is_halved[result.sides.number[_lengths(result).ravel() > longest]] = True
         halved = is_halved[result.sides.number].reshape(-1, 3)
         if not halved.any():
-            break
-        if len(result) + int(halved.sum()) <= most:
-            result = result._after(*_in_halves(halved, result.sides, is_halved))
-        else:
-            longest *= LONGER
-    return result
+            return result
+        if len(result) + int(halved.sum()) > most:
+            return None
+        result = result._after(*_in_halves(halved, result.sides, is_halved))
 
 
 def _whole(surface: Surface) -> SplitTriangles:

@@ -31,7 +31,9 @@ def strips(columns, rows):
 
 
 def halved(surface, longest, most):
-    return halve_triangles(surface, longest, most).delaunay()
+    parts = halve_triangles(surface, longest, most)
+    assert parts is not None
+    return parts.delaunay()
 
 
 @pytest.mark.parametrize("split", [split_triangles, halved])
@@ -70,9 +72,16 @@ def test_parts_within_a_triangle_are_delaunay(mesh):
     assert inner.any() and (cotangent[first] + cotangent[second])[inner].min() > -1e-5
 
 
-def test_as_many_halves_as_are_allowed():
-    assert len(halve_triangles(strips(100, 1), 0.001, 3000)) <= 3000
-    assert halve_triangles(strips(40, 40), 0.001, 1000).is_whole
+def test_nothing_is_halved_where_that_would_be_too_many():
+    assert halve_triangles(strips(100, 1), 0.001, 3000) is None
+    assert halve_triangles(strips(10, 10), 2.0, 3000).is_whole
+
+
+def test_slivers_are_weighed_by_their_length():
+    """Strips of 100 cells, each two triangles of 1 by .01, whose longest sides lie beside a hundredth as much width as they are long."""
+    parts = halve_triangles(strips(100, 1), 2.0, 3000)
+    assert parts.beside_slivers(1.0 / 16.0, 0.001) == pytest.approx(200 * 1.0 * 0.001, rel=1e-3)
+    assert parts.beside_slivers(1.0 / 200.0, 0.001) == 0.0
 
 
 def test_nothing_is_split_where_all_sides_are_short_and_few_where_few_are_allowed():
