@@ -67,6 +67,7 @@ OVERFLOW = (
     "the forces between the bodies are no longer finite numbers: areas, lengths and `size_emphasis` lie too far apart; bring them "
     "nearer to each other"
 )
+CLOSED = "this Solver has given its last placement, or was closed; make another one to go on"
 # Steps after an edit, and before them those in which only those that came and those near them settle. Measured on strokes that leave a
 # fifth of a density, by the coverage error at a spacing over what many more steps reach: 1.09 to 1.2; without the latter 1.29 to 1.61.
 # The more bodies, the fewer: those of few cost little, and 1,000 to 5,000 in a uniform density need more than 10,000.
@@ -137,7 +138,7 @@ class Bookmark:
 class Solver:
     """Places the bodies of a problem, step by step; :func:`~esh.engine.solve.solve` does all of it at once.
 
-    Use it in a ``with`` block, or call :meth:`close`: it has threads of its own.
+    Use it in a ``with`` block, or call :meth:`close`: it has threads of its own. After that everything raises a ProblemError.
 
     Args:
         problem: What to place where.
@@ -179,7 +180,7 @@ class Solver:
         if launcher is not None:
             check_is(launcher, Launcher, "`launcher`")
         self.launcher = launcher or Launcher(resolve_device(device), profile)
-        self._is_shared = launcher is not None
+        self._is_shared, self._closed = launcher is not None, False
         self._left_at: np.ndarray | None = None
         self._bookmarks: list[Bookmark] = []
         try:
@@ -318,6 +319,7 @@ class Solver:
         Raises:
             ProblemError: Another domain, or a problem that does not fit into memory.
         """
+        self._check_open()
         check_is(problem, Problem, "`problem`")
         self._cut()
         domain = self.model.problem.domain
@@ -440,6 +442,7 @@ class Solver:
             self._let_go(bookmark.descent)
 
     def _check_bookmark(self, bookmark: object) -> None:
+        self._check_open()
         check_is(bookmark, Bookmark, "`bookmark`")
         if all(one is not bookmark for one in self._bookmarks):
             raise ProblemError("`bookmark` must be one of this Solver that was not dropped")
@@ -497,6 +500,7 @@ class Solver:
         Raises:
             ProblemError: Another number of bodies, a place that is no finite number or not on the surface, identities that are none.
         """
+        self._check_open()
         model, body = self.model, self.model.body
         on_surface = isinstance(model.problem.domain, Surface)
         axes = "x, y and z" if on_surface else "x and y"
@@ -727,20 +731,26 @@ class Solver:
         return placement
 
     def close(self) -> None:
-        """Give the threads back, unless they are somebody else's; nothing can be stepped after that."""
-        if not self._is_shared:
-            self.launcher.close()
+        """Give the threads back, unless they are somebody else's; of a solver that is closed nothing can be asked."""
+        if self._closed:
             return
         for bookmark in self._bookmarks.copy():
             self.drop(bookmark)
         if "descent" in vars(self):
             self.launcher.release(self.descent.step)
             del self.descent
+        if not self._is_shared:
+            self.launcher.close()
+        self._closed = True
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise ProblemError(CLOSED)
 
     def __getattr__(self, name: str) -> NoReturn:
         # Only what is missing is asked for here.
         if name == "descent":
-            raise ProblemError("this Solver has given its last placement, or was closed; make another one to go on")
+            raise ProblemError(CLOSED)
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def __enter__(self) -> Solver:

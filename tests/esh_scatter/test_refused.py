@@ -208,6 +208,7 @@ OF_SCRIPTS = {
     "problem/problem.py Problem.rectangle": 1,
     "solver/solver.py Solver._check_bookmark": 1,
     "solver/solver.py Solver.__getattr__": 1,
+    "solver/solver.py Solver._check_open": 1,
     "solver/solver.py Solver.edit": 2,
     "solver/solver.py Solver.start_at": 2,
     "solver/solver.py _checked_flags": 1,

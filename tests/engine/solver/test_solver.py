@@ -2,9 +2,12 @@
 
 import gc
 import weakref
+from contextlib import closing
 
 import numpy as np
 import pytest
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.errors import ProblemError
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
@@ -134,21 +137,43 @@ def test_a_closed_solver_is_let_go_at_once():
         gc.enable()
 
 
+USES = {
+    "step": lambda solver, _: solver.step(),
+    "run": lambda solver, _: solver.run(3),
+    "edit": lambda solver, _: solver.edit(solver.model.problem),
+    "separate": lambda solver, _: solver.separate(),
+    "choose_start": lambda solver, _: solver.choose_start(3),
+    "state": lambda solver, _: solver.state,
+    "placement": lambda solver, _: solver.placement(),
+    "last_placement": lambda solver, _: solver.last_placement(),
+    "bookmark": lambda solver, _: solver.bookmark(),
+    "start_from": lambda solver, kept: solver.start_from(kept["state"]),
+    "start_at": lambda solver, kept: solver.start_at(kept["position"]),
+    "go_back": lambda solver, kept: solver.go_back(kept["bookmark"]),
+    "drop": lambda solver, kept: solver.drop(kept["bookmark"]),
+}
+
+
+@pytest.mark.parametrize("use", USES)
+@pytest.mark.parametrize("shared", [False, True], ids=["own threads", "other threads"])
+@pytest.mark.parametrize("boundary", ["open", "natural"])
+def test_a_solver_that_was_closed_says_so(use, shared, boundary):
+    with closing(Launcher(resolve_device("cpu"))) as launcher:
+        with Solver(problem_of("contact", boundary), **({"launcher": launcher} if shared else {})) as solver:
+            kept = {"state": solver.state.copy(), "position": solver.placement().position}
+            kept["bookmark"] = solver.bookmark()
+            solver.step()
+        solver.close()
+        with pytest.raises(ProblemError, match="was closed; make another one"):
+            USES[use](solver, kept)
+
+
 @pytest.mark.parametrize("use", ["step", "run", "edit", "separate", "state", "placement"])
 def test_a_solver_at_its_end_says_so(use):
-    problem = problem_of("contact")
-    solver = Solver(problem, device="cpu")
-    solver.last_placement()
-    with pytest.raises(ProblemError, match="make another one"):
-        {
-            "step": solver.step,
-            "run": lambda: solver.run(3),
-            "edit": lambda: solver.edit(problem),
-            "separate": solver.separate,
-            "state": lambda: solver.state,
-            "placement": solver.placement,
-        }[use]()
-    solver.close()
+    with Solver(problem_of("contact"), device="cpu") as solver:
+        solver.last_placement()
+        with pytest.raises(ProblemError, match="make another one"):
+            USES[use](solver, {})
 
 
 def test_one_step_does_not_tell_that_bodies_have_settled():
