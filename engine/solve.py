@@ -22,6 +22,9 @@ from .solver.solver import Progress, Solver, is_stop
 
 __all__ = ["moved", "solve", "solve_on"]
 
+# Of more bodies than this nothing is parted within the second or so that somebody waits after a run was stopped. Measured on two
+# processors: of 10,000 boxes that cover half of their ground four of five overlaps go in a second, of 200,000 hardly any in three.
+MOST_PARTED_AFTER_STOP = 30_000
 # Seconds after which whoever watches is asked again while outlines are being parted.
 MOMENT = 0.1
 
@@ -73,6 +76,7 @@ def solve_on(
     problem: Problem,
     max_steps: int,
     progress: Callable[[Progress], bool | None] | None = None,
+    parting: float = 0.0,
 ) -> Placement:
     """Do what :func:`solve` does, on threads or a GPU that stay for the next problem, with what is kept there for it.
 
@@ -81,6 +85,8 @@ def solve_on(
         problem: See there.
         max_steps: See there.
         progress: See there.
+        parting: Seconds at most, more or less, in which outlines that overlap are parted once ``progress`` has stopped the run; where
+            there are very many bodies they are left.
     """
     start_time = time.perf_counter()
     with Solver(problem, launcher=launcher) as solver:
@@ -89,6 +95,10 @@ def solve_on(
         steps, converged = solver.run(max_steps, None if progress is None else watched)
         if watched.go_on():
             solver.separate(None if progress is None else watched.go_on)
+        elif parting and problem.body_count <= MOST_PARTED_AFTER_STOP:
+            deadline = time.perf_counter() + parting
+            # What takes longer than this by itself, and stirs more bodies, is left out.
+            solver.separate(lambda: time.perf_counter() < deadline, again=True)
         with solver.launcher.phase("report"):
             placement = solver.last_placement()
             report = measure(placement, solver.launcher)

@@ -1,5 +1,6 @@
 """solve(): exact counts, quality at or below the direct sum's, determinism, and where bodies may be."""
 
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.fixed_bodies import FixedBody
+from esh.engine.problem.footprint import Footprint
 from esh.engine.problem.line import Line
 from esh.engine.problem.obstacles import Obstacle
 from esh.engine.problem.problem import Problem
@@ -370,6 +372,25 @@ def test_long_objects_and_discs_in_a_crowd_part():
 def test_what_is_no_problem_is_named(wrong):
     with pytest.raises(ProblemError, match="`problem` must be a Problem; got "):
         solve(wrong)
+
+
+def test_outlines_are_parted_for_a_moment_where_a_run_is_stopped_to_keep_what_is_there(monkeypatch):
+    from esh.engine import solve as of_run
+
+    box = Footprint([(-0.4, -0.1), (0.4, -0.1), (0.4, 0.1), (-0.4, 0.1)])
+    domain = Domain((10.0, 10.0))
+    problem = Problem(domain, [BodyClass("a", [Size("s", count=300, footprint=box)])], seed=2, avoid_overlap=True)
+
+    def kept(seconds):
+        with closing(Launcher(resolve_device("cpu"))) as launcher:
+            return of_run.solve_on(launcher, problem, 50, lambda now: now.step < 4, seconds).report
+
+    as_it_is = kept(0.0)
+    assert as_it_is.steps == 4 and as_it_is.overlaps > 50
+    parted = kept(60.0)
+    assert parted.steps == 4 and parted.overlaps == 0 and not parted.converged
+    monkeypatch.setattr(of_run, "MOST_PARTED_AFTER_STOP", 299)
+    assert kept(60.0).overlaps == as_it_is.overlaps
 
 
 def test_progress_must_be_something_to_call():
