@@ -78,6 +78,7 @@ class Launcher:
         self._gpu_recordings: list[GpuRecording] = []
         self._kept: dict[Hashable, Any] = {}
         self._gpu_memory = GpuMemory(device) if device.is_cuda else None
+        self._ask: Callable[[], None] = _go_on
         if self._team is not None and profile is not None:
             self._team.timed = True
 
@@ -93,6 +94,22 @@ class Launcher:
                     yield
         finally:
             self._phase = before
+
+    @contextlib.contextmanager
+    def interruptible(self, ask: Callable[[], None] | None) -> Iterator[None]:
+        """Call ``ask``, where there is one, before all that is launched or played in a block: for whoever no longer wants it.
+
+        What ``ask`` raises ends the block, which must leave nothing half done that somebody uses later.
+        """
+        before, self._ask = self._ask, ask or _go_on
+        try:
+            yield
+        finally:
+            self._ask = before
+
+    def ask(self) -> None:
+        """Ask whether to go on, see :meth:`interruptible`; for what takes long without a launch."""
+        self._ask()
 
     @property
     def profiled(self) -> bool:
@@ -238,6 +255,7 @@ class Launcher:
         """
         if count <= 0:
             return
+        self._ask()
         self.python_launches += self._recording is None
         self.send()
         if self._team is None:
@@ -267,6 +285,10 @@ class Launcher:
             self._recording = None
         recording.finish()
         return recording
+
+
+def _go_on() -> None:
+    """Nobody asks."""
 
 
 @lru_cache(maxsize=1)
@@ -323,6 +345,7 @@ class GpuRecording(Recording):
     def play(self, times: int = 1, until: Until | None = None) -> int:
         """See :meth:`Recording.play`; launches of a run that is profiled are made one by one, to be timed."""
         launcher = self._launcher
+        launcher.ask()
         launcher.send()
         for _ in range(times):
             if launcher.profiled or not self._is_recorded():
@@ -378,6 +401,7 @@ class CpuRecording(Recording):
         """See :meth:`Recording.play`."""
         if self._program is None:
             _nothing()
+        self._launcher.ask()
         self._launcher.python_launches += 1
         self._launcher.send()
         if until is None:

@@ -46,7 +46,7 @@ MOST_SLOWED_OF_SLIVERS = 0.002
 FEW_SLIVERS = 5e-4
 # Points that stand for a third of a small triangle each, by weights of its corners; how many are asked for a density at once.
 INNER = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
-POINTS_AT_ONCE = 1 << 20
+POINTS_AT_ONCE = 1 << 18
 # Polynomials that are left out count less than this.
 PRECISION = 1e-7
 
@@ -175,6 +175,7 @@ class HeatMesh:
         face = self._cut.vertex.numpy().reshape(len(area), -1)[:, self._pattern]
         at_once = max(1, POINTS_AT_ONCE // len(weight))
         for first in range(0, len(area), at_once):
+            self._launcher.ask()
             own = np.arange(first, min(first + at_once, len(area)))
             points = self._surface.points(
                 *self._triangles.points(np.repeat(own, len(weight)), np.tile(weight, (len(own), 1)))
