@@ -124,7 +124,7 @@ class SelectionSurvey:
         self.area = self._seen = 0.0
         self._longest = math.inf
 
-    def solve(self, _progress: object = None) -> None:
+    def solve(self, _progress: object = None, _ask: object = None) -> None:
         """Work it out; touches nothing of Blender.
 
         Raises:

@@ -53,16 +53,20 @@ class BackgroundRun:
         self.stopped = True
 
     def abandon(self) -> None:
-        """Have the run end at its next step, without an answer; returns at once."""
+        """Have the run end without an answer, at its next step or where it next asks; returns at once."""
         self.stopped = self._abandoned = True
+
+    def ask(self) -> None:
+        """End the run where it was abandoned; called by ``solve``, in the thread, as often as it likes."""
+        if self._abandoned:
+            raise _AbandonedError
 
     def join(self, seconds: float) -> None:
         """Wait for the end of the run, ``seconds`` at most."""
         self._thread.join(seconds)
 
     def _keep_progress(self, progress: Progress) -> bool:
-        if self._abandoned:
-            raise _AbandonedError
+        self.ask()
         self.progress = progress
         return not self.stopped
 

@@ -6,6 +6,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -13,6 +14,7 @@ import bpy
 import numpy as np
 
 from ...engine.device.devices import resolve_device
+from ...engine.device.launcher import Launcher
 from ...engine.errors import ProblemError
 from ...engine.problem.balance import Balance
 from ...engine.problem.body_class import BodyClass
@@ -22,10 +24,10 @@ from ...engine.problem.placement import Placement
 from ...engine.problem.prepared_class import PreparedClass
 from ...engine.problem.problem import Problem, SamplingSettings
 from ...engine.problem.report import Report
-from ...engine.problem.scatter_settings import RunSettings, ScatterSettings
+from ...engine.problem.scatter_settings import ScatterSettings
 from ...engine.problem.settings import takes, values_of, with_changes
 from ...engine.problem.validation import as_whole, check_name, show
-from ...engine.solve import moved, solve
+from ...engine.solve import moved, solve_on
 from ...engine.solver.solver import Progress
 from ...engine.surface.chart import Chart
 from ...engine.surface.instances import Instances
@@ -55,6 +57,8 @@ __all__ = ["ScatterJob", "ScatterResult"]
 # What positions may be rounded by, as a share of the root of the smallest footprint: less than the report sees of an overlap, or than
 # anybody sees where overlap does not count.
 UNREPORTED, UNSEEN = 1e-3, 0.05
+# Seconds in which outlines are parted once a run was stopped, to keep what is there; the report says how many overlap all the same.
+PARTING = 1.0
 ROUNDED = (
     "so far from the world's origin Blender rounds positions to {:.2g} m; the report tells of objects where it puts them; move the "
     "scene nearer to the origin"
@@ -297,10 +301,21 @@ class ScatterJob:
         """What points can be instances of; raises ProblemError once one of them is no longer in the file."""
         return [source.get() for source in self._sources]
 
-    def solve(self, progress: Callable[[Progress], bool | None] | None = None) -> None:
-        """Place the bodies; touches nothing of Blender. ``progress`` is the engine's: returning False stops the run."""
+    def solve(
+        self,
+        progress: Callable[[Progress], bool | None] | None = None,
+        ask: Callable[[], None] | None = None,
+    ) -> None:
+        """Place the bodies; touches nothing of Blender.
+
+        Args:
+            progress: The engine's: returning False stops the run, which takes a moment more to part outlines that are to keep apart.
+            ask: Called before everything that the engine does; what it raises ends the run at once.
+        """
         self.prepare()
-        self.stand(solve(self.problem, **values_of(self.settings, RunSettings), progress=progress))
+        with closing(Launcher(resolve_device(self.settings.device))) as launcher, launcher.interruptible(ask):
+            placement = solve_on(launcher, self.problem, self.settings.max_steps, progress, PARTING)
+        self.stand(placement)
 
     def stand(self, placement: Placement) -> None:
         """Take a placement of :attr:`problem` for the answer, and stand its objects on the surface; touches nothing of Blender."""

@@ -90,7 +90,7 @@ class Session:
             # Two solvers at once would share the processors; the one that was stopped may still be compiling.
             if before is not None:
                 before.join(_LONGEST_WAIT)
-            solve(lambda now: self._see(now, progress))
+            solve(lambda now: self._see(now, progress), self._ask)
 
         self.run = BackgroundRun(solve_after_the_last)
         self.timer = context.window_manager.event_timer_add(_TICK, window=context.window)
@@ -100,8 +100,14 @@ class Session:
     def _see(self, now: Progress, progress: Callable[[Progress], bool]) -> bool:
         """Look where bodies are, in the solver's thread; answer whether the run is to go on."""
         go_on = progress(now)
-        self.bodies.see(now)
+        if go_on:
+            self.bodies.see(now)
         return go_on
+
+    def _ask(self) -> None:
+        """End the run if it was abandoned; its thread may be here before it has a name."""
+        if "run" in vars(self):
+            self.run.ask()
 
     @property
     def scene(self) -> bpy.types.Scene:
@@ -138,7 +144,8 @@ class Session:
             self._asked = None
         if now < self._rests_until:
             return
-        if self.bodies.show():
+        # What is kept moves no farther, and to draw it once more would hold up the result.
+        if not self.keeps and self.bodies.show():
             self._asked = now
         if self._shown != self.text:
             self._shown, self._asked = self.text, now

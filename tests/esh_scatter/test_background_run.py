@@ -50,6 +50,27 @@ def test_what_is_abandoned_ends_at_its_next_step_without_an_answer():
     assert not run.running and run.stopped and run.error is None and not answered
 
 
+def test_what_is_abandoned_ends_where_it_asks():
+    asked, runs = threading.Event(), []
+
+    def solve(_progress):
+        while not runs:
+            pass
+        while True:
+            runs[0].ask()
+            asked.set()
+
+    run = BackgroundRun(solve)
+    runs.append(run)
+    assert asked.wait(30)
+    run.stop()
+    run.join(0.05)
+    assert run.running, "what is kept is worked out to the end"
+    run.abandon()
+    run.join(30)
+    assert not run.running and run.error is None
+
+
 def test_an_error_is_kept_and_not_printed(capfd):
     def solve(_progress):
         raise ValueError("no such thing")

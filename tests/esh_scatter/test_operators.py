@@ -248,7 +248,7 @@ def test_a_run_waits_for_the_thread_of_one_that_was_stopped(scatter, monkeypatch
     monkeypatch.setattr(running, "_stopping", before)
     assert bpy.ops.esh.scatter.poll(), "everything is usable at once"
     job = Job()
-    job.solve = lambda _progress: order.append("second")
+    job.solve = lambda _progress, _ask: order.append("second")
     window = Window(monkeypatch, job)
     assert running.session.text == "Waiting for the stopped run"
     may_end.set()
@@ -323,7 +323,7 @@ class Job:
         # What the operator does with what was written is not looked at.
         self.result = SimpleNamespace(report=None)
 
-    def solve(self, progress):
+    def solve(self, progress, _ask):
         while progress(SimpleNamespace(step=1, steps=5)):
             pass
 
@@ -368,7 +368,7 @@ def test_errors_of_the_thread_reach_the_user_as_a_sentence(scatter, monkeypatch)
     from esh.engine.errors import ProblemError
 
     job = Job()
-    job.solve = lambda _progress: (_ for _ in ()).throw(ProblemError("`count` is too large"))
+    job.solve = lambda _progress, _ask: (_ for _ in ()).throw(ProblemError("`count` is too large"))
     window = Window(monkeypatch, job)
     assert window.run_to_end() == {"CANCELLED"}
     assert window.reports == [("ERROR", "Count is too large")] and not job.written and window.timers == []

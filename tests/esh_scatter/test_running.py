@@ -85,4 +85,10 @@ def test_a_screen_that_is_slow_to_draw_leaves_time_for_the_rest(monkeypatch):
         return len(drawn)
 
     assert drawings_in_ten_seconds(0.001) > 150
+    kept = object.__new__(running.Session)
+    kept.keeps, kept.device, kept._shown = True, "cpu", ""
+    kept.bodies = SimpleNamespace(show=lambda: drawn.append(-1.0) or True)
+    kept.run = SimpleNamespace(progress=SimpleNamespace(step=1, steps=5))
+    kept.show()
+    assert kept._shown == "Keeping what is there" and -1.0 not in drawn, "nothing that is kept moves"
     assert 10 <= drawings_in_ten_seconds(0.25) <= 15, "about a third of the time"
