@@ -44,6 +44,7 @@ from .surface_places import (
     clear_of_balls,
     clearances,
     left_by_fixed,
+    reach_into_balls,
     spots_of_fixed,
     spots_of_points,
     tiles_of,
@@ -406,8 +407,14 @@ class SurfaceDescent:
     def take_over(
         self, source: np.ndarray, spots: tuple[np.ndarray, np.ndarray], old: Model, before: SurfaceState
     ) -> None:
-        """Put bodies where they were before an edit, as they lay; ``source`` is their number then, -1 for new ones."""
-        self._put(np.arange(len(source)), spots)
+        """Put bodies where they were before an edit, as they lay; ``source`` is their number then, -1 for new ones.
+
+        Those that may not be there any more, from where they would not find out, begin as in a run of their own.
+        """
+        stays = self._may_be_at(spots)
+        rows = np.flatnonzero(stays)
+        self._put(rows, (spots[0][rows], spots[1][rows]))
+        source = np.where(stays, source, -1)
         came = np.flatnonzero((source >= 0) & (self.model.body.kind >= 0))
         if len(came):
             self._lay(came, before.axis.numpy()[source[came]] * (old.unit / self.model.unit))
@@ -429,11 +436,11 @@ class SurfaceDescent:
     def put_at(self, spots: tuple[np.ndarray, np.ndarray], angle: np.ndarray | None, length: np.ndarray | None) -> None:
         """Put all bodies somewhere, as :meth:`~.solver.Solver.start_at` takes their angles and lengths.
 
-        Those whose class may not be there any more, from where they would not find out, begin as in a run of their own.
+        Those that may not be there any more, from where they would not find out, begin as in a run of their own.
         """
         model = self.model
         facet, weight = spots
-        stays = model.fixed | (self.share[model.body.class_index, tiles_of(self.facets, facet, weight)] > 0.0)
+        stays = self._may_be_at(spots)
         rows = np.flatnonzero(stays)
         self._put(rows, (facet[rows], weight[rows]))
         if angle is None:
@@ -452,6 +459,12 @@ class SurfaceDescent:
         heading = self.state.heading.numpy().copy()
         heading[outlined] = np.where(is_line, 0.0, angle)[outlined]
         self.state.heading.assign(heading)
+
+    def _may_be_at(self, spots: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+        """Which bodies may be at spots: their class is asked for there, and they reach into no ball; all that are fixed."""
+        model = self.model
+        asked = self.share[model.body.class_index, tiles_of(self.facets, *spots)] > 0.0
+        return model.fixed | (asked & ~reach_into_balls(self.facets, spots, self._balls, clearances(model)))
 
     def _lay(self, rows: np.ndarray, axis: np.ndarray) -> None:
         """Give some bodies an axis."""

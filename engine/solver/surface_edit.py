@@ -40,14 +40,13 @@ def carry_over_on_surface(
         rng: What is random.
 
     Returns:
-        Who stays and who is new, and where all of them are, by facets; fixed ones are anywhere.
+        Who stays and who is new, and where all of them are, by facets; fixed ones, and those that may not be there now, are anywhere.
     """
     edit = _SurfaceEdit(old, points, model, facets, share, rng)
     for c, body_class in enumerate(model.problem.classes):
         share_before, share_now = edit.shares_of(c)
         for s, size in enumerate(body_class.sizes):
             edit.settle(c, s, size.name, share_before, share_now)
-    edit.leave_the_empty()
     return CarriedOver(edit.source, edit.identities(first_identity)), (edit.facet, edit.weight)
 
 
@@ -138,13 +137,6 @@ class _SurfaceEdit:
         gain = np.where(self._share[c] > 0.0, np.maximum(wanted - there, 0.0), 0.0)
         gain[gain < UNCHANGED * wanted] = 0.0
         self.facet[fresh], self.weight[fresh] = self._places.draw(gain if gain.any() else self._share[c], len(fresh))
-
-    def leave_the_empty(self) -> None:
-        """Where the density is 0 now nobody stays."""
-        body = self._model.body
-        own_share = self._share[body.class_index, tiles_of(self._facets, self.facet, self.weight)]
-        for row in np.flatnonzero((own_share <= 0.0) & ~self._model.fixed).tolist():
-            (self.facet[row],), (self.weight[row],) = self._places.draw(self._share[body.class_index[row]], 1)
 
     def identities(self, first: int) -> np.ndarray:
         """Identities of all bodies, int64; those that are new have ``first`` and the following ones."""

@@ -27,6 +27,7 @@ __all__ = [
     "clear_of_balls",
     "clearances",
     "left_by_fixed",
+    "reach_into_balls",
     "spots_near_points",
     "spots_of_fixed",
     "spots_of_places",
@@ -38,6 +39,8 @@ __all__ = [
 CELL_OF_FIXED = 2.5
 # How far from the surface a fixed body may be given, in units.
 NEAR = 1.0
+# Who touches a ball does not reach into it, whatever rounding makes of that.
+ROUNDED = 1.0 - 1e-5
 
 # Facet of every point, shape [n], and the weights of its second and third corner, [n, 2].
 Spots = tuple[np.ndarray, np.ndarray]
@@ -223,6 +226,16 @@ def clear_of_balls(model: Model, facets: Facets, share: np.ndarray, balls: np.nd
                 f'`obstacles` must leave room for class "{body_class.name}", which keeps away from them by its size',
                 Refusal(Reason.OBSTACLES_TOO_NEAR, most * facets.unit, 0, (body_class.name, "")),
             )
+    return result
+
+
+def reach_into_balls(facets: Facets, spots: Spots, balls: np.ndarray, clear: np.ndarray) -> np.ndarray:
+    """Return which bodies at spots are nearer to a ball than they may be, by more than rounding, shape ``[n]``."""
+    place, _ = _positions(facets, spots)
+    result = np.zeros(len(place), bool)
+    for ball in balls:
+        away = np.linalg.norm(place - ball[:3], axis=1)
+        result |= away < (ball[3] + clear) * ROUNDED
     return result
 
 
