@@ -41,8 +41,8 @@ MOST_SLOWED = 0.01
 # Triangles as low as this, over the side below, are slivers, among which it may be less.
 SLIVER = 1.0 / 16.0
 MOST_SLOWED_OF_SLIVERS = 0.002
-# Where no larger share of the area lies within a spacing of slivers, they are left as they are. Measured on spheres with one: with a share
-# of .0006 errors are a twentieth too high, with .0012 up to two thirds.
+# Where no larger share of the area lies within a spacing of slivers, they are left as they are. Measured on spheres with one: with a
+# share of .0006 errors are a twentieth too high, with .0012 up to two thirds.
 FEW_SLIVERS = 5e-4
 # Points that stand for a third of a small triangle each, by weights of its corners; how many are asked for a density at once.
 INNER = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0

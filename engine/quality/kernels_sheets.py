@@ -17,13 +17,15 @@ STEEPER = wp.constant(wp.float64(math.pi / 3.0))
 # Nor do they where the surface turns by much more than a right angle between them: below this cosine. Across a right-angled edge they
 # do, whatever rounding makes of its cosine of 0.
 LEAST_COSINE = wp.constant(wp.float64(-0.1))
-# Outlines do across sharper creases, too, up to this cosine, if they lie in both planes.
-SHARPEST_COSINE = wp.constant(wp.float64(-0.95))
+# Outlines do across sharper creases, too, up to this cosine, as far apart as along both planes. So those that are no discs are across
+# all creases between flat triangles, which bend by more than the second one says.
+SHARPEST_COSINE, CREASED_COSINE = wp.constant(wp.float64(-0.99)), wp.constant(wp.float64(0.94))
+FLAT_COSINE = wp.constant(wp.float64(0.99999))
 
 
 @wp.struct
 class Sheets:
-    """Bodies on a surface: positions, where the smooth surface looks to there, x axes of outlines along it, and their sheets.
+    """Bodies on a surface: positions, where the smooth surface looks to there, x axes along it, whether it is flat there, and sheets.
 
     Behind the sheets of all bodies it lies which stand on one another, from ``relations`` on, see
     :mod:`esh.engine.surface.kernels_relations`.
@@ -34,6 +36,7 @@ class Sheets:
     position: wp.array(dtype=wp.vec3d)
     normal: wp.array(dtype=wp.vec3d)
     along: wp.array(dtype=wp.vec3d)
+    flat: wp.array(dtype=wp.int32)
     sheet: wp.array(dtype=wp.int32)
     relations: wp.int32
     copies: wp.int32
@@ -75,8 +78,9 @@ def look_smoothly(
     # outputs
     smooth: wp.array(dtype=wp.vec3d),
     along: wp.array(dtype=wp.vec3d),
+    flat: wp.array(dtype=wp.int32),
 ):
-    """Where the smooth surface looks to at bodies, between the corners of their triangles; and their x axes, turned along it."""
+    """Where the smooth surface looks to at bodies, between their corners; x axes, turned along it; and whether it is flat."""
     i = first + wp.tid()
     corner = 3 * triangle[i]
     weight = barycentric[i]
@@ -85,6 +89,10 @@ def look_smoothly(
     looks += weight[2] * corner_normal[corner + 2]
     smooth[i] = wp.normalize(looks)
     along[i] = in_plane_between(tangent[i], normal[i], smooth[i])
+    least = ONE
+    for k in range(3):
+        least = wp.min(least, wp.dot(corner_normal[corner + k], normal[i]))
+    flat[i] = int(least > FLAT_COSINE)
 
 
 @wp.kernel
@@ -149,6 +157,19 @@ def depth_on_sheet(i: int, j: int, way: wp.vec3d, distance: wp.float64, over: wp
 
 
 @wp.func
+def along_both_sides(i: int, j: int, sheets: Sheets, shapes: Shapes):
+    """Whether two outlines see each other across a crease between flat faces as along both, and not in a straight line.
+
+    Discs see each other so, which keeps them farther apart; and so all see what is fixed.
+    """
+    flat = sheets.flat[i] != 0 and sheets.flat[j] != 0
+    corners = wp.max(
+        shapes.first_corner[i + 1] - shapes.first_corner[i], shapes.first_corner[j + 1] - shapes.first_corner[j]
+    )
+    return flat and corners > 1 and shapes.fixed[i] == 0 and shapes.fixed[j] == 0
+
+
+@wp.func
 def depth_of_pair(i: int, j: int, sheets: Sheets, shapes: Shapes):
     """How deep two outlines lie in each other; 0 or less where they are apart, or do not see each other."""
     way = sheets.position[j] - sheets.position[i]
@@ -156,13 +177,12 @@ def depth_of_pair(i: int, j: int, sheets: Sheets, shapes: Shapes):
     if distance >= shapes.reach[i] + shapes.reach[j]:
         return ZERO
     over = wp.vec2d(ZERO, ZERO)
-    if not on_one_sheet(way, distance, sheets.normal[i], sheets.normal[j]):
-        cosine = wp.dot(sheets.normal[i], sheets.normal[j])
-        if cosine >= LEAST_COSINE or cosine <= SHARPEST_COSINE:
-            return ZERO
-        over = unfolded(way, sheets.normal[i], sheets.normal[j])
-        if wp.length(over) == ZERO:
-            return ZERO
+    cosine = wp.dot(sheets.normal[i], sheets.normal[j])
+    if cosine < CREASED_COSINE and cosine > SHARPEST_COSINE:
+        if cosine < LEAST_COSINE or along_both_sides(i, j, sheets, shapes):
+            over = unfolded(way, sheets.normal[i], sheets.normal[j])
+    if wp.length(over) == ZERO and not on_one_sheet(way, distance, sheets.normal[i], sheets.normal[j]):
+        return ZERO
     return depth_on_sheet(i, j, way, distance, over, sheets, shapes)
 
 

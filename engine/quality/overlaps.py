@@ -368,9 +368,10 @@ def _sheets(bodies: BodiesOnSurface, launcher: Launcher) -> kernels_sheets.Sheet
     sheets = kernels_sheets.Sheets()
     sheets.position = bodies.position
     sheets.normal, sheets.along = launcher.empty(n, wp.vec3d), launcher.empty(n, wp.vec3d)
+    sheets.flat = launcher.empty(n, wp.int32)
     corner_normal = launcher.array(surface.corner_normal.reshape(-1, 3), wp.vec3d)
     inputs = [bodies.triangle, bodies.barycentric, corner_normal, bodies.normal, bodies.tangent]
-    launcher.launch(kernels_sheets.look_smoothly, n, inputs, [sheets.normal, sheets.along])
+    launcher.launch(kernels_sheets.look_smoothly, n, inputs, [sheets.normal, sheets.along, sheets.flat])
     sheets.sheet = launcher.zeros(n, wp.int32)
     return sheets
 

@@ -210,7 +210,11 @@ def _ranges(model: Model) -> list[tuple[tuple[str, str], int, int, int]]:
 
 def _listed(rows: Rows) -> np.ndarray:
     """Rows one by one, int32; NumPy alone would ask a range for one after the other."""
-    return np.arange(rows.start, rows.stop, dtype=np.int32) if isinstance(rows, range) else rows.astype(np.int32, copy=False)
+    return (
+        np.arange(rows.start, rows.stop, dtype=np.int32)
+        if isinstance(rows, range)
+        else rows.astype(np.int32, copy=False)
+    )
 
 
 def _seats(rows: Rows, staying: int, area: np.ndarray) -> tuple[Rows, Rows]:

@@ -11,7 +11,7 @@ from ..surface.kernels_facets import carried, tangential
 wp.set_module_options({"enable_backward": False})
 
 STEEPER, LEAST_COSINE = wp.constant(one_sheet.STEEPER), wp.constant(one_sheet.LEAST_COSINE)
-SHARPEST_COSINE = wp.constant(one_sheet.SHARPEST_COSINE)
+CREASED_COSINE, SHARPEST_COSINE = wp.constant(one_sheet.CREASED_COSINE), wp.constant(one_sheet.SHARPEST_COSINE)
 
 
 @wp.struct

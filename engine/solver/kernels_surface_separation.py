@@ -10,10 +10,11 @@ import warp as wp
 
 from ..cascade.kernels_points import cell_at, same_cell
 from ..space.kernels_meeting import Meeting, keep_apart
-from ..surface.kernels_facets import Spot, carried, smooth_normal, spot_at, step_along, tangential, tile_of
+from ..surface.kernels_facets import Spot, carried, is_flat, smooth_normal, spot_at, step_along, tangential, tile_of
 from ..surface.kernels_relations import see_each_other
 from .kernels_descent import Bodies
 from .kernels_lying import (
+    CREASED_COSINE,
     LEAST_COSINE,
     SHARPEST_COSINE,
     Slots,
@@ -125,8 +126,22 @@ def angle_between(one: wp.vec3, other: wp.vec3, normal: wp.vec3):
 
 
 @wp.func
-def glance_at(here: Standing, j: int, crowd: SurfaceCrowd):
-    """How a body that stands somewhere sees body j."""
+def sees_over_creases(i: int, j: int, here: Standing, crowd: SurfaceCrowd):
+    """Whether body i, at a standing, sees body j across a crease between flat faces as along both of them.
+
+    Discs see each other in a straight line there, which keeps them farther apart, and all see so what stays where it is.
+    """
+    outlines = crowd.outlines
+    corners = outlines.first_corner[i + 1] - outlines.first_corner[i]
+    corners = wp.max(corners, outlines.first_corner[j + 1] - outlines.first_corner[j])
+    moves = outlines.lightness[i] > 0.0 and outlines.lightness[j] > 0.0
+    facets = crowd.ground.facets
+    return corners > 1 and moves and is_flat(here.facet, facets) and is_flat(crowd.facet[j], facets)
+
+
+@wp.func
+def glance_at(i: int, here: Standing, j: int, crowd: SurfaceCrowd):
+    """How body i, at a standing, sees body j."""
     seen = Glance()
     facets = crowd.ground.facets
     there = crowd.facet[j]
@@ -138,14 +153,14 @@ def glance_at(here: Standing, j: int, crowd: SurfaceCrowd):
         return seen
     flat = wp.vec3(0.0)
     cosine = wp.dot(normal, other)
-    if on_one_sheet(way, distance, normal, other):
-        seen.met = 1
+    if cosine < CREASED_COSINE and cosine > SHARPEST_COSINE:
+        if cosine < LEAST_COSINE or sees_over_creases(i, j, here, crowd):
+            flat = over_crease(way, normal, other)
+    if wp.length_sq(flat) == 0.0:
+        if not on_one_sheet(way, distance, normal, other):
+            return seen
         flat = flat_way(way, distance, normal, other)
-    elif cosine < LEAST_COSINE and cosine > SHARPEST_COSINE:
-        flat = over_crease(way, normal, other)
-        seen.met = int(wp.length(flat) > 0.0)
-    if seen.met == 0:
-        return seen
+    seen.met = 1
     beside = wp.cross(normal, here.along)
     seen.way = in_plane(flat, here.along, beside)
     seen.turned = wp.normalize(in_plane(carried(crowd.along[j], other, normal), here.along, beside))
@@ -209,7 +224,7 @@ def may_meet(i: int, j: int, crowd: SurfaceCrowd):
     """Whether body i may meet body j while both move by no more than their skins."""
     outlines = crowd.outlines
     here = standing_of(i, crowd)
-    seen = glance_at(here, j, crowd)
+    seen = glance_at(i, here, j, crowd)
     if seen.met == 0:
         # Whom it does not see now it may see round an edge.
         facets = crowd.ground.facets
@@ -302,7 +317,7 @@ def find_pushes_on_surface(
         depth = float(-1.0)
         within = outlines.reach[i] + outlines.reach[j] + slack
         if wp.length_sq(crowd.position[j] - here.position) < within * within:
-            seen = glance_at(here, j, crowd)
+            seen = glance_at(i, here, j, crowd)
             if seen.met != 0:
                 turned[p] = seen.turned
                 other = Core()
@@ -456,7 +471,7 @@ def measure_overlaps_on_surface(
 def squared_overlap(i: int, room_of: int, here: Standing, j: int, crowd: SurfaceCrowd):
     """Squared overlap that body i would have somewhere with body j, in the smaller width of the two."""
     outlines = crowd.outlines
-    seen = glance_at(here, j, crowd)
+    seen = glance_at(i, here, j, crowd)
     depth = float(0.0)
     if seen.met != 0:
         copied = copy_corners(room_of, j, seen.turned, crowd)

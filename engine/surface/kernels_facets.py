@@ -8,6 +8,9 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
+# Where a surface looks to at the corners of a triangle that is part of a plane, and to which side that looks, may differ by rounding.
+FLAT_COSINE = wp.constant(0.99999)
+
 # Which way a surface goes on that turns by more than this is no way: the other side of a sheet was reached.
 SMALLEST_TURN_COSINE = wp.constant(-0.2)
 # Share of a way that is tried where all of it leads to another sheet.
@@ -69,6 +72,16 @@ def smooth_normal(facet: int, weight: wp.vec2, facets: Facets):
     b = facets.corner_normal[3 * facet + 1]
     c = facets.corner_normal[3 * facet + 2]
     return wp.normalize(a + weight[0] * (b - a) + weight[1] * (c - a))
+
+
+@wp.func
+def is_flat(facet: int, facets: Facets):
+    """Whether the surface is a plane within a facet, and not the approximation of one that bends."""
+    normal = facets.normal[facet]
+    least = wp.dot(facets.corner_normal[3 * facet], normal)
+    for k in range(1, 3):
+        least = wp.min(least, wp.dot(facets.corner_normal[3 * facet + k], normal))
+    return least > FLAT_COSINE
 
 
 @wp.func

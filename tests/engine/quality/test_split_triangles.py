@@ -78,7 +78,7 @@ def test_nothing_is_halved_where_that_would_be_too_many():
 
 
 def test_slivers_are_weighed_by_their_length():
-    """Strips of 100 cells, each two triangles of 1 by .01, whose longest sides lie beside a hundredth as much width as they are long."""
+    """A strip of 100 cells, each two triangles of 1 by .01."""
     parts = halve_triangles(strips(100, 1), 2.0, 3000)
     assert parts.beside_slivers(1.0 / 16.0, 0.001) == pytest.approx(200 * 1.0 * 0.001, rel=1e-3)
     assert parts.beside_slivers(1.0 / 200.0, 0.001) == 0.0

@@ -75,6 +75,15 @@ def overlapping(placement, tolerance=1e-3, flat_faces=False):
         x, y = axes[0], np.cross(between, axes[0])
         flat = np.array([way @ x, way @ y])
         flat *= np.linalg.norm(way) / np.linalg.norm(flat)
+        line = np.cross(n, m)
+        if flat_faces and np.linalg.norm(line) > 0.3:
+            # Over the edge, which both are before: as far as the way rises out of the other face, over the sine of their angle.
+            sine = np.linalg.norm(line)
+            before, behind = way @ m / sine, -way @ n / sine
+            if before * behind > 0.0:
+                line /= sine
+                across = np.cross(line, between)
+                flat = np.array([(before + behind) * across @ k + way @ line * (line @ k) for k in (x, y)])
         angle = np.arctan2(axes[1] @ y, axes[1] @ x)
         for k, (turn, offset) in enumerate([(0.0, np.zeros(2)), (angle, flat)]):
             c, s = np.cos(turn), np.sin(turn)
@@ -125,8 +134,8 @@ def first_axis(normal):
     return axis / np.linalg.norm(axis, axis=1, keepdims=True)
 
 
-@pytest.mark.parametrize("angle", [75.0, 45.0, 30.0])
-def test_outlines_keep_apart_across_creases_that_are_sharper_than_a_right_angle(angle):
+@pytest.mark.parametrize("angle", [120.0, 90.0, 75.0, 45.0, 30.0])
+def test_outlines_keep_apart_across_creases_as_along_both_sides(angle):
     """A ridge of two faces, unfolded to measure: at 45 degrees all of eight seeds had overlaps, up to 6 % of an outline, untold."""
     half = np.radians(0.5 * angle)
     down = np.array([[np.sin(half), 0.0, -np.cos(half)], [-np.sin(half), 0.0, -np.cos(half)]])
@@ -134,7 +143,7 @@ def test_outlines_keep_apart_across_creases_that_are_sharper_than_a_right_angle(
     vertices = np.concatenate([ridge, ridge + 1.5 * down[0], ridge + 1.5 * down[1]])
     surface = esh.Surface(esh.SurfaceMesh(vertices, [[0, 2, 3], [0, 3, 1], [0, 5, 4], [0, 1, 5]]))
     for seed in range(4):
-        placement = esh.solve(asked(surface, [BOX], 60, 0.7, seed=seed), device="cpu")
+        placement = esh.solve(asked(surface, [BOX, PLANK], 40, 0.65, seed=seed), device="cpu")
         side = (placement.position[:, 0] < 0.0).astype(int)
         sign = 1.0 - 2.0 * side
 
@@ -147,13 +156,12 @@ def test_outlines_keep_apart_across_creases_that_are_sharper_than_a_right_angle(
             corners = outline_of(placement, i).corners
             x = along[i] / np.linalg.norm(along[i])
             shapes.append(shapely.Polygon(at[i] + corners @ np.array([x, [-x[1], x[0]]])))
-        width = np.sqrt(shapes[0].area)
+        width = min(outline_of(placement, i).width for i in (0, 40))
         tree = shapely.STRtree(shapes)
         one, other = tree.query(shapes, predicate="intersects")
-        deep = [shapes[i].intersection(shapes[j]).area / width for i, j in zip(one, other, strict=True) if i < j]
-        assert max(deep, default=0.0) < 2e-3 * width
+        deep = [shapes[i].intersection(shapes[j]).area for i, j in zip(one, other, strict=True) if i < j]
+        assert max(deep, default=0.0) < 2e-3 * width**2
         assert placement.report.overlaps == 0
-
 
 
 def test_turns_that_are_given_are_kept_and_others_follow_from_contact(parted):
