@@ -27,7 +27,7 @@ CLOSE_ENOUGH = wp.constant(1.0e-5)
 def gap_between(i: int, here: Standing, j: int, farthest: float, crowd: SurfaceCrowd):
     """How far body j is from body i, where they see each other; any more than ``farthest`` otherwise."""
     outlines = crowd.outlines
-    seen = glance_at(here, j, crowd)
+    seen = glance_at(i, here, j, crowd)
     gap = 2.0 * farthest + 1.0
     if seen.met != 0:
         other = Core()
