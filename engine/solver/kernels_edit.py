@@ -121,7 +121,10 @@ def compare_cells(
     c = first + wp.tid()
     wanted = wp.float64(asked.share[c]) * asked.wanted
     there = wp.float64(asked.share_before[c]) * asked.there
-    ratio[c] = float(wanted / wp.max(there, wp.float64(1.0e-300)))
+    # Who is where nobody was asked for is there by rounding, at the edge of what was: it stays, or is moved beside it.
+    ratio[c] = 1.0
+    if there > wp.float64(0.0):
+        ratio[c] = float(wanted / there)
     if wanted > there:
         add(sums, thread, OF_COMING, c, wanted - there)
     elif are_few(wanted, there):

@@ -366,6 +366,27 @@ def test_a_body_goes_where_no_points_are_spread():
     assert len(np.unique(kept)) == 50
 
 
+def test_a_body_beside_its_density_by_rounding_stays_where_nothing_changes():
+    """It was taken out and set down somewhere else: one to three of some hundred bodies, in 6 of 330 edits."""
+    half = np.zeros((1, 2))
+    half[0, 1] = 1.0
+    old, model = (Model(problem_of(half, 100)) for _ in range(2))
+    position = np.random.default_rng(0).random((100, 2)) * [32.0, 64.0] + [32.0, 0.0]
+    position[7, 0] = 32.0 - 1e-4
+    pose = np.zeros((100, 4), np.float32)
+    pose[:, :2] = position / old.unit
+    with closing(Launcher(resolve_device("cpu"))) as launcher:
+
+        def spread(densities, counts):
+            assert counts == [0, 0, 0]
+            return lambda: [np.zeros((0, 2))] * 3
+
+        carried = EditInPlane(launcher, old, launcher.array(pose, wp.vec4), model, spread).finish(100)
+    assert len(carried.came) == len(carried.went) == 0
+    np.testing.assert_array_equal(carried.source, np.arange(100))
+    assert carried.pose.numpy()[7, 0] * model.unit >= 32.0
+
+
 def test_fixed_bodies_of_a_problem_that_is_replaced_are_still_told_apart(settled):
     with solver_at(settled) as solver:
         fixed = FixedBodies([[1.0, 1.0]], id=[50_000])
