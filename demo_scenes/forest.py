@@ -266,7 +266,7 @@ def _check_spacing(place: np.ndarray, radius: np.ndarray, trunk: np.ndarray) -> 
         meeting += int((share < 0.85).sum())
     assert deepest > 0.4, f"a tree stands in another: {deepest:.2f} of the sum of their crowns' radii apart"
     assert meeting < 0.05 * len(place), f"{meeting} pairs of crowns are in one another"
-    return {"closest_crowns": deepest, "crowns_meeting": float(meeting)}
+    return {"closest_crowns_over_touching_ones": deepest, "pairs_of_crowns_that_meet": float(meeting)}
 
 
 def _check_texture(
