@@ -27,7 +27,7 @@ from . import running
 if TYPE_CHECKING:
     from ..result.emptied_group import EmptiedGroup
     from .job import ScatterJob
-    from .live_worker import LiveWorker, Outcome
+    from .live_worker import LiveWorker, Outcome, Request
 
 __all__ = ["end", "is_busy", "is_live", "reset", "status", "switched", "wake"]
 
@@ -75,6 +75,7 @@ class _Live:
         self._worker: LiveWorker = LiveWorker(Survey())
         # What the solver was told last, and what it showed; as fingerprints.
         self._told: str | None = None
+        self._asked: Request | None = None
         self._record: dict[str, Any] = {}
         self._looked = 0.0
         self._reading = 0.0
@@ -101,12 +102,13 @@ class _Live:
         scatter = _scatter_of(scene, self._uid)
         if scene is None or scatter is None or not scatter.live:
             return False
+        takes_edits = self._worker.takes_edits
         self._waiting = self._worker.take() or self._waiting
         window = next((w for w in bpy.context.window_manager.windows if w.scene == scene), None)
         if window is None and not bpy.app.background:
             return True
         with bpy.context.temp_override(**({"window": window} if window else {"scene": scene})):
-            return self._look(bpy.context, scatter)
+            return self._look(bpy.context, scatter, takes_edits)
 
     def end(self) -> None:
         """Let the solver go."""
@@ -118,7 +120,7 @@ class _Live:
 
     def reset(self) -> None:
         """The result is another now: the next update starts from there."""
-        self._told, self._waiting, self._shown, self._written = None, None, None, None
+        self._told = self._asked = self._waiting = self._shown = self._written = None
 
     def look_at_points(self) -> None:
         """The result may be another now, or the same with settings and a report of before."""
@@ -128,7 +130,7 @@ class _Live:
         elif self._written is not None and scatter.ran_with != self._written[0]:
             scatter.ran_with, scatter.report_json = self._written
 
-    def _look(self, context: bpy.types.Context, scatter: Scatter) -> bool:
+    def _look(self, context: bpy.types.Context, scatter: Scatter, takes_edits: bool) -> bool:
         if running.session is not None:
             # What it makes is where to go on from.
             self.reset()
@@ -141,8 +143,10 @@ class _Live:
             return False
         if self._waiting is not None and _may_write(scatter):
             outcome, self._waiting = self._waiting, None
-            self._show(context, scatter, outcome)
-        if not self._worker.busy:
+            # What was asked for before the result became another one is not for that.
+            if outcome.request is self._asked:
+                self._show(context, scatter, outcome)
+        if takes_edits:
             attentive = time.monotonic() - _last_sign < ATTENTIVE or _stroke() is not None
             if self._time_to_look(attentive):
                 with checksums.at_most(SHARE_ATTENTIVE if attentive else SHARE_AT_REST):
@@ -224,15 +228,16 @@ class _Live:
                 # It begins with these.
                 self._earlier[stands] = job if before is None else before[0]
         start_at = None if anew else places
-        self._worker.submit(Request(job, made_with, anew, start_at, before, few_steps, ready_only, back_to))
+        self._asked = Request(job, made_with, anew, start_at, before, few_steps, ready_only, back_to)
+        self._worker.submit(self._asked)
 
     def _show(self, context: bpy.types.Context, scatter: Scatter, outcome: Outcome) -> None:
         """Write what came out into the result."""
         if outcome.error is not None:
             self._say(as_sentence(outcome.error))
             return
-        job, placement = outcome.request.job, outcome.placement
-        assert placement is not None
+        job, placement = outcome.job, outcome.placement
+        assert job is not None and placement is not None
         result = scatter.result
         if self._shown is not job or result is None:
             groups = {group.session_uid for group in bpy.data.node_groups}

@@ -62,15 +62,21 @@ class Outcome:
 
     Attributes:
         request: The request.
+        job: What has been solved of it; None where that failed.
         placement: Where bodies are; with its report once that is measured. None where nothing is to be shown.
         error: What is wrong with it, or None.
         seconds: Time from the request's beginning [s].
     """
 
     request: Request
+    job: ScatterJob | None = None
     placement: Placement | None = None
     error: EshError | None = None
     seconds: float = 0.0
+
+
+class _DroppedError(Exception):
+    """Raised in what nobody waits for any more: a report, or anything once the worker is to end."""
 
 
 class _Earlier(NamedTuple):
@@ -92,7 +98,7 @@ class LiveWorker:
         self._change = threading.Condition()
         self._waiting: Request | None = None
         self._outcome: Outcome | None = None
-        self._busy = False
+        self._busy = self._shows_nothing = False
         self._ended = False
         self._solver: Solver | None = None
         self._made: ScatterJob | None = None
@@ -116,6 +122,11 @@ class LiveWorker:
     def busy(self) -> bool:
         """Whether it solves, or is about to."""
         return self._busy or self._waiting is not None
+
+    @property
+    def takes_edits(self) -> bool:
+        """Whether what was asked for last has come out, but for its report and further steps, which the next request ends."""
+        return not self._shows_nothing and self._waiting is None
 
     def submit(self, request: Request) -> None:
         """Have a request solved; one that still waits is forgotten."""
@@ -152,16 +163,18 @@ class LiveWorker:
                     self._change.wait()
                 if self._ended:
                     break
-                request, self._waiting, self._busy = self._waiting, None, True
+                request, self._busy, self._shows_nothing, self._waiting = self._waiting, True, True, None
             assert request is not None
             try:
                 self._solve(request)
+            except _DroppedError:
+                pass
             except EshError as error:
                 self._publish(Outcome(request, error=error))
             except BaseException as error:  # nobody else would hear of it
                 self._publish(Outcome(request, error=EshError(f"Live stopped: {type(error).__name__}: {error}")))
                 self._close()
-            self._busy = False
+            self._busy = self._shows_nothing = False
             self.progress = None
         self._close()
 
@@ -207,16 +220,18 @@ class LiveWorker:
     def _show(self, request: Request, job: ScatterJob, steps: int, start: float) -> bool:
         """Publish where bodies are, and their report once that is measured: False where somebody wants something else by then."""
         assert self._solver is not None
-        request, placement = replace(request, job=job), self._solver.placement()
+        placement = self._solver.placement()
         job.stand(placement)
-        self._publish(Outcome(request, placement, seconds=time.perf_counter() - start))
-        self._shown = job
-        if not self._go_on():
+        self._publish(Outcome(request, job, placement, seconds=time.perf_counter() - start))
+        self._shown, self._shows_nothing = job, False
+        try:
+            with self._solver.launcher.interruptible(self._drop_if_unwanted):
+                report = measure(placement, self._solver.launcher)
+        except _DroppedError:
             return False
-        report = measure(placement, self._solver.launcher)
         report = replace(report, steps=steps, converged=True, seconds=time.perf_counter() - start)
         job.placement = replace(placement, report=report)
-        self._publish(Outcome(request, job.placement, seconds=report.seconds))
+        self._publish(Outcome(request, job, job.placement, seconds=report.seconds))
         self._unevenness = unevenness(report.to_dict())
         return True
 
@@ -225,7 +240,8 @@ class LiveWorker:
         self._remember()
         self._shown = None
         try:
-            return self._solver.edit(job.problem).steps
+            with self._solver.launcher.interruptible(self._drop_if_ended):
+                return self._solver.edit(job.problem).steps
         except EshError:
             # Who knows how far it came.
             self._close()
@@ -312,6 +328,14 @@ class LiveWorker:
     def _go_on(self) -> bool:
         """Whether nobody wants something else by now."""
         return not self._ended and self._waiting is None
+
+    def _drop_if_unwanted(self) -> None:
+        if not self._go_on():
+            raise _DroppedError
+
+    def _drop_if_ended(self) -> None:
+        if self._ended:
+            raise _DroppedError
 
     def _publish(self, outcome: Outcome) -> None:
         with self._change:

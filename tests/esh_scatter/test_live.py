@@ -1,5 +1,6 @@
 """Live: a result follows what changes, from where its objects are, and stops with a sentence where it cannot."""
 
+import threading
 import time
 
 import numpy as np
@@ -299,6 +300,93 @@ def test_undo_is_followed(scatter, follow):
     bpy.ops.ed.redo()
     follow()
     assert len(points("Pine")) == active().classes["Pine"].sizes[0].count == 260 and not active().outdated
+
+
+@pytest.mark.parametrize("surface", ["ABOVE", "WHOLE"])
+def test_a_report_that_is_being_made_does_not_hold_up_the_next_edit(scatter, follow, monkeypatch, surface):
+    from esh.esh_scatter.solving import live_worker
+
+    scatter.surface = surface
+    switch_on(scatter, follow)
+    measured, ended = live_worker.measure, []
+    (one,) = live._followed.values()
+
+    def measure(placement, launcher):
+        if not ended:
+            ended.append(False)
+            while one._worker._waiting is None:
+                time.sleep(0.01)
+        launches = launcher.python_launches
+        try:
+            return measured(placement, launcher)
+        finally:
+            ended.append(launcher.python_launches - launches)
+
+    monkeypatch.setattr(live_worker, "measure", measure)
+    pine = scatter.classes["Pine"].sizes[0]
+    pine.count = 220
+    follow(lambda: bool(ended) and len(points("Pine")) == 220)
+    # It is shown without a report, which is still being made.
+    assert one.busy and one._worker.takes_edits
+    pine.count = 240
+    follow()
+    assert ended[1] == 0, "nothing was launched for the first report any more"
+    assert len(points("Pine")) == 240 and not active().outdated
+    assert active().report["classes"][0]["sizes"][0]["placed"] == 240
+
+
+def test_what_was_asked_for_before_an_undo_is_not_shown_after_it(scatter, follow, monkeypatch):
+    from esh.esh_scatter.solving import live_worker
+
+    bpy.ops.ed.undo_push(message="before")
+    there = switch_on(scatter, follow)
+    bpy.ops.ed.undo_push(message="live")
+    measured, measuring, may_measure = live_worker.measure, threading.Event(), threading.Event()
+
+    def measure(placement, launcher):
+        measuring.set()
+        assert may_measure.wait(30.0)
+        return measured(placement, launcher)
+
+    monkeypatch.setattr(live_worker, "measure", measure)
+    scatter.classes["Pine"].sizes[0].count = 220
+    bpy.ops.ed.undo_push(message="count")
+    follow(lambda: measuring.is_set() and len(points("Pine")) == 220)
+    bpy.ops.ed.undo()
+    (one,) = live._followed.values()
+    may_measure.set()
+    while one._worker.busy:
+        time.sleep(0.01)
+    # Its report comes out only now.
+    follow()
+    assert moved(there, points()).max() == 0.0 and len(points("Pine")) == 200 and not active().outdated
+
+
+def test_switching_it_off_ends_an_edit_under_way(scatter, follow, monkeypatch):
+    from esh.esh_scatter.solving import live_worker
+
+    switch_on(scatter, follow)
+    (one,) = live._followed.values()
+    begun, launches = threading.Event(), []
+
+    class Watched(live_worker.Solver):
+        def edit(self, problem, **steps):
+            begun.set()
+            while not one._worker._ended:
+                time.sleep(0.01)
+            before = self.launcher.python_launches
+            try:
+                return super().edit(problem, **steps)
+            finally:
+                launches.append(self.launcher.python_launches - before)
+
+    monkeypatch.setattr(one._worker._solver, "__class__", Watched)
+    scatter.classes["Pine"].sizes[0].count = 220
+    follow(begun.is_set)
+    scatter.live = False
+    follow()
+    one._worker.join(10.0)
+    assert launches == [0] and not one._worker.running
 
 
 @pytest.mark.parametrize("surface", ["ABOVE", "WHOLE"])
