@@ -148,9 +148,12 @@ class _Live:
                 self._show(context, scatter, outcome)
         if takes_edits:
             attentive = time.monotonic() - _last_sign < ATTENTIVE or _stroke() is not None
-            if self._time_to_look(attentive):
-                with checksums.at_most(SHARE_ATTENTIVE if attentive else SHARE_AT_REST):
-                    self._submit(context, scatter)
+            if self._time_to_look(attentive) and self._worker.rests():
+                try:
+                    with checksums.at_most(SHARE_ATTENTIVE if attentive else SHARE_AT_REST):
+                        self._submit(context, scatter)
+                finally:
+                    self._worker.go_on()
         return True
 
     def _gone(self, context: bpy.types.Context, scatter: Scatter) -> str:

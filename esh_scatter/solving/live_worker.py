@@ -29,6 +29,8 @@ __all__ = ["LiveWorker", "Outcome", "Request"]
 MUCH_LESS_EVEN = 2.0
 # Results that undo can go back to without anything being set up anew, and how many objects they have together at most.
 MOST_EARLIER, MOST_BODIES_EARLIER = 4, 100_000
+# Seconds that the thread rests at most before whoever asked for it comes back, and after which it looks again.
+LONGEST_REST, A_REST = 0.2, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +101,8 @@ class LiveWorker:
         self._waiting: Request | None = None
         self._outcome: Outcome | None = None
         self._busy = self._shows_nothing = False
+        # Whether the thread is asked to rest, does so, and has to until it is told to go on.
+        self._asked_to_rest = self._rests = self._held = False
         self._ended = False
         self._solver: Solver | None = None
         self._made: ScatterJob | None = None
@@ -127,6 +131,22 @@ class LiveWorker:
     def takes_edits(self) -> bool:
         """Whether what was asked for last has come out, but for its report and further steps, which the next request ends."""
         return not self._shows_nothing and self._waiting is None
+
+    def rests(self) -> bool:
+        """Have the thread rest until :meth:`go_on`, so that Blender's data can be read; tell whether it does, or has nothing to do.
+
+        Blender lets go of Python's lock while it works out what is asked of it, and has crashed where another thread worked in Python.
+        """
+        with self._change:
+            self._asked_to_rest = self._busy
+            self._held = self._rests
+            return self._held or not self._busy
+
+    def go_on(self) -> None:
+        """Let the thread go on, once what was to be read has been."""
+        with self._change:
+            self._asked_to_rest = self._held = False
+            self._change.notify()
 
     def submit(self, request: Request) -> None:
         """Have a request solved; one that still waits is forgotten."""
@@ -326,8 +346,14 @@ class LiveWorker:
         return self._go_on()
 
     def _go_on(self) -> bool:
-        """Whether nobody wants something else by now."""
-        return not self._ended and self._waiting is None
+        """Whether nobody wants something else by now; rests first, where it is asked to."""
+        with self._change:
+            until = time.monotonic() + LONGEST_REST
+            while not self._ended and (self._held or (self._asked_to_rest and time.monotonic() < until)):
+                self._rests = True
+                self._change.wait(A_REST)
+            self._asked_to_rest = self._rests = self._held = False
+            return not self._ended and self._waiting is None
 
     def _drop_if_unwanted(self) -> None:
         if not self._go_on():

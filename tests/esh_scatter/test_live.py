@@ -315,6 +315,7 @@ def test_a_report_that_is_being_made_does_not_hold_up_the_next_edit(scatter, fol
         if not ended:
             ended.append(False)
             while one._worker._waiting is None:
+                launcher.ask()
                 time.sleep(0.01)
         launches = launcher.python_launches
         try:
