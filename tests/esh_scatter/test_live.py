@@ -312,13 +312,13 @@ def test_a_report_that_is_being_made_does_not_hold_up_the_next_edit(scatter, fol
     (one,) = live._followed.values()
 
     def measure(placement, launcher):
-        if not ended:
-            ended.append(False)
-            while one._worker._waiting is None:
-                launcher.ask()
-                time.sleep(0.01)
         launches = launcher.python_launches
         try:
+            if not ended:
+                ended.append(False)
+                while True:
+                    launcher.ask()
+                    time.sleep(0.01)
             return measured(placement, launcher)
         finally:
             ended.append(launcher.python_launches - launches)
