@@ -603,3 +603,42 @@ def test_a_mask_that_came_while_it_was_off_is_followed_as_a_run_would(scatter, f
     report = active().report
     assert report["overlaps"] == 0 and report["coverage_error"] < 0.05
     assert max(c["coverage_error"] for c in report["classes"]) < 0.1
+
+
+def test_the_solver_rests_while_blenders_data_are_read_and_not_for_long_where_nobody_comes_back():
+    from esh.esh_scatter.classes.survey import Survey
+    from esh.esh_scatter.solving.live_worker import LONGEST_REST, LiveWorker
+
+    worker, asked = LiveWorker(Survey()), []
+
+    def work():
+        while not worker._ended:
+            worker._go_on()
+            asked.append(time.monotonic())
+            time.sleep(0.001)
+
+    assert worker.rests(), "with nothing to do"
+    worker.go_on()
+    worker._busy = True
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        while not worker.rests():
+            time.sleep(0.001)
+        before = len(asked)
+        time.sleep(2.0 * LONGEST_REST)
+        assert len(asked) == before
+        worker.go_on()
+        while len(asked) < before + 10:
+            time.sleep(0.001)
+        # Asked to rest by somebody who does not come back.
+        worker.rests()
+        until = time.monotonic() + LONGEST_REST + 1.0
+        before = len(asked)
+        while len(asked) < before + 100:
+            assert time.monotonic() < until
+            time.sleep(0.001)
+    finally:
+        worker.end()
+        thread.join()
+        worker.join(5.0)
