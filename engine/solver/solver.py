@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from types import TracebackType
 from typing import Any, NamedTuple, NoReturn
 
@@ -40,7 +41,7 @@ from .model import Model
 from .natural_border import SMOOTH_OVER_SPACING, SMOOTH_STEPS, STEPS_WITHIN, Kept, NaturalBorder
 from .places_in_support import in_support
 from .rare_start import rare_starts
-from .settling import settle_near
+from .settling import settle
 from .spread import Spreading
 from .state import State
 from .surface_descent import SurfaceDescent
@@ -68,12 +69,8 @@ OVERFLOW = (
     "nearer to each other"
 )
 CLOSED = "this Solver has given its last placement, or was closed; make another one to go on"
-# Steps after an edit, and before them those in which only those that came and those near them settle. Measured on strokes that leave a
-# fifth of a density, by the coverage error at a spacing over what many more steps reach: 1.09 to 1.2; without the latter 1.29 to 1.61.
-# The more bodies, the fewer: those of few cost little, and 1,000 to 5,000 in a uniform density need more than 10,000.
+# Steps after an edit, behind those in which bodies settle.
 EDIT_STEPS = 5
-FEWEST_SETTLING, MOST_SETTLING = 6, 16
-BODIES_TO_SETTLE = 80_000
 # An edit that makes so many times more or fewer charges gets another unit of length.
 MOST_GROWTH = 1.5
 # Steps on a GPU between two looks at how far bodies still move, where nobody wants to hear of each.
@@ -303,15 +300,14 @@ class Solver:
         """Go on with another problem in the same domain from where bodies are.
 
         Other densities, counts, sizes, classes, obstacles and fixed bodies are followed. Where a class's density fell, its surplus is
-        taken out, and set down where it rose. Those that came, and those near them, settle; then all bodies take a few steps. Bodies
-        keep their :attr:`Placement.id`, and what is far from a change stays nearly where it is, unless counts that stay the same have
-        to be spread differently everywhere.
+        taken out, and set down where it rose. Then bodies settle, four fifths of them within a tenth of a spacing of where they were,
+        fewer where more than a tenth of all came or went: see :mod:`.settling`. Bodies keep their :attr:`Placement.id`.
 
         Args:
             problem: What is to be placed now. Classes and sizes are the same as before if their names are; a fixed body with the
                 ``id`` of one that is there is that body, pinned or moved.
-            steps: Steps to take of all bodies, 0 or more; more of them, by :meth:`run`, stir more bodies for little. With 0 nobody
-                settles, either.
+            steps: Steps to take once bodies have settled, 0 or more; those of :meth:`run` leave all bodies free, and stir more of them
+                for little. With 0 nobody settles, either.
 
         Returns:
             Who came and who went.
@@ -331,11 +327,15 @@ class Solver:
         with self.launcher.phase("set-up"):
             if isinstance(self.descent, SurfaceDescent):
                 added, removed = self._edit_on_surface(problem, self.descent)
+                take_steps = self.descent.step.play
             else:
-                added, removed = self._edit_in_rectangle(problem, self.descent, settles=steps > 0)
+                carried = self._edit_in_rectangle(problem, self.descent)
+                added, removed = carried.came, carried.went
+                take_steps = partial(settle, self.descent, carried)
         self._next_identity = max(self._next_identity, int(added.max(initial=-1)) + 1)
         if steps:
-            self.step(steps)
+            take_steps(steps)
+            self._stepped(steps)
         self.separate(again=True)
         return Edit(np.sort(added), np.sort(removed), steps)
 
@@ -363,10 +363,8 @@ class Solver:
         gone[source[~is_new]] = False
         return model.body.identity[is_new], before.body.identity[gone]
 
-    def _edit_in_rectangle(
-        self, problem: Problem, before_edit: Descent, *, settles: bool
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """The same in the plane; bodies near those that came and went settle where they are to."""
+    def _edit_in_rectangle(self, problem: Problem, before_edit: Descent) -> CarriedInPlane:
+        """The same in the plane."""
         before = self.model
         ratio = problem.charge_count / before.charge_count
         model = Model(problem, unit=before.unit if 1.0 / MOST_GROWTH < ratio < MOST_GROWTH else None)
@@ -394,10 +392,7 @@ class Solver:
         self._let_go(self.descent)
         self.model, self.descent = model, descent
         descent.place_charges()
-        if settles:
-            steps = min(max(BODIES_TO_SETTLE // model.body_count, FEWEST_SETTLING), MOST_SETTLING)
-            settle_near(descent, carried.changes, steps)
-        return carried.came, carried.went
+        return carried
 
     def _name_fixed(self, before: Model, model: Model) -> None:
         """Give the fixed bodies of an edit's model identities that nobody else has."""

@@ -29,7 +29,6 @@ from esh.engine.quality.measurement import measure
 from esh.engine.solver.edit import EditInPlane
 from esh.engine.solver.line_rules import length_blocks
 from esh.engine.solver.model import Model
-from esh.engine.solver.settling import settle_near
 from scipy.spatial import cKDTree
 
 DOMAIN = Domain((64.0, 64.0))
@@ -93,31 +92,15 @@ def test_a_stroke_is_followed_in_five_steps_and_leaves_the_rest_in_place(settled
         solver.run(150)
         converged = error(solver.placement(), density)
     assert len(after.position) == count
-    # Over eight seeds 1.03 to 1.28 where the stroke is thinned, and 1.02 to 1.08 where it is made denser.
-    assert error(after, density) < (1.35 if factor < 1.0 else 1.2) * converged
+    # Over eight seeds 1.06 to 1.21 where the stroke is thinned, and 1.02 to 1.06 where it is made denser.
+    assert error(after, density) < (1.3 if factor < 1.0 else 1.15) * converged
     assert error(before, density) > 5.0 * converged
     way, at = moved(before, after)
-    assert (way[far(at)] < 0.1).mean() > 0.9
+    assert (way[far(at)] < 0.1).mean() > 0.94
     np.testing.assert_array_equal(np.sort(np.setdiff1d(after.id, before.id)), np.sort(edit.added))
     np.testing.assert_array_equal(np.sort(np.setdiff1d(before.id, after.id)), np.sort(edit.removed))
     changed = abs(count - N)
     assert changed <= max(len(edit.added), len(edit.removed)) < changed + 20
-
-
-def test_only_who_came_and_who_is_near_settles_before_the_steps_of_all(settled):
-    density, count = painted(3.0), counts_by_density(3.0)
-    with solver_at(settled) as solver:
-        before = solver.placement()
-        solver.edit(problem_of(density, count), steps=0)
-        set_down = solver.placement()
-        rough = error(set_down, density)
-        new = set_down.position[~np.isin(set_down.id, before.id)]
-        places = wp.array((new / solver.model.unit).astype(np.float32), dtype=wp.vec2, device="cpu")
-        settle_near(solver.descent, [places], 16)
-        after = solver.placement()
-    assert error(after, density) < 0.7 * rough
-    way, at = moved(before, after)
-    assert way[far(at, 6.0)].max() < 1e-3 and way[~far(at)].max() > 0.1
 
 
 @pytest.mark.parametrize("factor", [0.25, 0.5])
@@ -138,8 +121,10 @@ def test_who_is_left_of_many_is_spread_evenly_before_any_step(factor):
     assert way[at[:, 0] > 33.0].max() < 1e-4
 
 
-@pytest.mark.parametrize("factor", [0.2, 3.0])
-def test_a_stroke_that_keeps_the_count_is_followed_as_well(settled, factor):
+# Errors over the later ones: over eight seeds at most 1.29, 1.28, 1.24 and 1.88.
+@pytest.mark.parametrize(("factor", "over_later"), [(0.2, 1.4), (0.5, 1.35), (1.5, 1.35), (3.0, 2.0)])
+def test_a_stroke_that_keeps_the_count_is_followed_as_well(settled, factor, over_later):
+    """As many come or go elsewhere as within it, and four fifths of the others stay where they are all the same."""
     density = painted(factor)
     with solver_at(settled) as solver:
         before = solver.placement()
@@ -147,11 +132,10 @@ def test_a_stroke_that_keeps_the_count_is_followed_as_well(settled, factor):
         after = solver.placement()
         solver.run(150)
         converged = error(solver.placement(), density)
-    assert len(edit.added) == len(edit.removed) > 30
-    # 1.5 to 1.8 over six seeds.
-    assert error(after, density) < 1.85 * converged
+    assert len(edit.added) == len(edit.removed) > 20
+    assert error(after, density) < over_later * converged
     way, at = moved(before, after)
-    assert (way[far(at)] < 0.25).mean() > 0.8
+    assert (way[far(at)] < 0.1).mean() > 0.78
 
 
 def test_nothing_changed_changes_nearly_nothing(settled):
