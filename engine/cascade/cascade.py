@@ -318,6 +318,11 @@ class Cascade:
                 grain=GRAIN_OF_NEIGHBORS,
             )
 
+    @property
+    def neighbors(self) -> Lists:
+        """Nodes within about three lengths of every node, each with itself."""
+        return self._levels[0].octave
+
     def set_offset(self, offset: np.ndarray) -> None:
         """Give every group a potential of its own at every node, shape ``[group_count, node_count]``, that is added to the others."""
         self._offset.assign(offset.T.astype(np.float32).ravel())

@@ -18,10 +18,14 @@ class CarriedOver:
     Attributes:
         source: Index of the same body in the old model, -1 for a new one, shape ``[n]``.
         identity: Identity of every body, shape ``[n]``.
+        gone: Which bodies of the old model are no more, bool, shape ``[old count]``.
+        left: Tiles that these have left.
     """
 
     source: np.ndarray
     identity: np.ndarray
+    gone: np.ndarray
+    left: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,17 +8,15 @@ never does.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 import warp as wp
 
+from ..device.launcher import Launcher, Recording
 from . import kernels_settling
-from .carried_over import CarriedInPlane
-from .descent import STEP_LIMIT, Descent
 
-__all__ = ["settle"]
+__all__ = ["HELD_WITHIN", "LOCALLY", "Held", "settle"]
 
 # Bodies settle for so many steps, the fewer the more of them there are, and are held in a few more before those that an edit is asked
 # for. Measured on strokes over a twentieth of a photograph that leave a fifth or half of its density, and the count as it was, by the
@@ -34,58 +32,44 @@ HELD_WITHIN, LOCALLY = 0.098, 1.5
 # density of hills becomes an even one a quarter of all go, and errors are 1.5 times the later ones; with a fifth that is free 2.7 to
 # 3.4.
 MOST_FREE, FREE_FOR_EACH = 0.2, 2.2
-# Width of a cell in mean spacings; who is in a cell beside one with a change is near it, which is two to four spacings.
-CELL_OVER_SPACING = 2.0
 
 
-def settle(descent: Descent, carried: CarriedInPlane, steps: int) -> None:
-    """Take the steps after an edit.
+class Held(Protocol):
+    """Bodies that an edit holds near where they were when it began.
+
+    Attributes:
+        body_count: How many there are.
+        changed: How many came or went.
+    """
+
+    body_count: int
+    changed: int
+
+    def count_moved(self, moved: wp.array) -> None:
+        """Count how many that are near a change have moved how far; see :mod:`.kernels_settling`."""
+
+    def bring_back(self, free_from: int) -> None:
+        """Bring those back that went too far, but not from ways in this bin or longer ones near a change."""
+
+
+def settle(launcher: Launcher, step: Recording, held: Held, steps: int) -> None:
+    """Take the steps after an edit that has changed where bodies are.
 
     Args:
-        descent: Of a rectangle.
-        carried: Who its bodies are.
-        steps: How many to take behind those in which bodies settle; where nothing came, went or was moved, there are no others.
+        launcher: Where to run.
+        step: A step of all bodies.
+        held: Who is to be held.
+        steps: How many to take behind those in which bodies settle.
     """
-    if not any(len(places) for places in carried.changes):
-        descent.step.play(steps)
-        return
-    launcher, count, (width, height) = descent.launcher, descent.model.body_count, descent.model.size
-    spacing = math.sqrt(width * height / count)
-    reach = kernels_settling.Reach()
-    reach.mesh, reach.limit = descent.field.mesh, descent.step_limit
-    reach.within, reach.locally = HELD_WITHIN * spacing, HELD_WITHIN * LOCALLY / STEP_LIMIT
-    most_free = max(MOST_FREE * count, FREE_FOR_EACH * max(len(carried.came), len(carried.went)))
-    start, pose = wp.clone(descent.state.pose), descent.state.pose
-    cells = _near(descent, carried.changes, CELL_OVER_SPACING * spacing)
-    where = [start, carried.sources, cells, reach, descent.model.space.for_kernels()]
+    count = held.body_count
+    most_free = max(MOST_FREE * count, FREE_FOR_EACH * held.changed)
     moved = launcher.empty((launcher.thread_count, kernels_settling.BINS), wp.int32)
-    descent.step.play(min(max(BODIES_TO_SETTLE // count, FEWEST_SETTLING), MOST_SETTLING))
+    step.play(min(max(BODIES_TO_SETTLE // count, FEWEST_SETTLING), MOST_SETTLING))
     for _ in range(HELD_STEPS + steps):
-        descent.step.play()
+        step.play()
         moved.zero_()
-        launcher.launch(kernels_settling.count_moved, count, [*where, pose], [moved], per_thread=True)
-        launcher.launch(
-            kernels_settling.hold,
-            count,
-            [*where, _free_from(moved.numpy(), most_free), descent.bodies, descent.images, descent.state.bend],
-            [pose, descent.state.displacement],
-        )
-        descent.place_charges()
-
-
-def _near(descent: Descent, changes: Sequence[wp.array], width: float) -> kernels_settling.Cells:
-    """The cells of the domain, of about this width, that are beside one with a change."""
-    launcher, size = descent.launcher, descent.model.size
-    cells = kernels_settling.Cells()
-    cells.rows, cells.columns = (max(1, math.ceil(length / width)) for length in size[::-1])
-    cells.size = wp.vec2(*size)
-    cells.near = launcher.empty(cells.rows * cells.columns, wp.uint8)
-    marked = launcher.zeros(cells.rows * cells.columns, wp.int32)
-    for places in changes:
-        launcher.launch(kernels_settling.mark_places, len(places), [places, cells], [marked])
-    space = descent.model.space.for_kernels()
-    launcher.launch(kernels_settling.mark_beside, len(marked), [marked, space], [cells])
-    return cells
+        held.count_moved(moved)
+        held.bring_back(_free_from(moved.numpy(), most_free))
 
 
 def _free_from(moved: np.ndarray, most_free: float) -> int:

@@ -25,7 +25,7 @@ from ..problem.validation import FOREIGN_ERRORS, check_count, check_is, check_pr
 from ..space.density import move_into_support
 from .body_flags import BodyFlags
 from .carried_lines import carry_lines
-from .carried_over import CarriedInPlane
+from .carried_over import CarriedInPlane, CarriedOver
 from .choice_of_start import choose_start, number_of_starts
 from .descent import Descent
 from .edit import EditInPlane
@@ -40,8 +40,8 @@ from .memory import check_memory
 from .model import Model
 from .natural_border import SMOOTH_OVER_SPACING, SMOOTH_STEPS, STEPS_WITHIN, Kept, NaturalBorder
 from .places_in_support import in_support
+from .plane_settling import settle_in_plane
 from .rare_start import rare_starts
-from .settling import settle
 from .spread import Spreading
 from .state import State
 from .surface_descent import SurfaceDescent
@@ -49,6 +49,7 @@ from .surface_edit import carry_over_on_surface
 from .surface_placement import points_of
 from .surface_places import PlacesOnSurface, spots_of_places
 from .surface_rare_start import rare_start_on_surface
+from .surface_settling import settle_on_surface
 from .surface_state import SurfaceState
 
 __all__ = ["Bookmark", "Edit", "Progress", "Solver", "is_stop"]
@@ -326,12 +327,11 @@ class Solver:
         check_memory(problem)
         with self.launcher.phase("set-up"):
             if isinstance(self.descent, SurfaceDescent):
-                added, removed = self._edit_on_surface(problem, self.descent)
-                take_steps = self.descent.step.play
+                added, removed, take_steps = self._edit_on_surface(problem, self.descent)
             else:
                 carried = self._edit_in_rectangle(problem, self.descent)
                 added, removed = carried.came, carried.went
-                take_steps = partial(settle, self.descent, carried)
+                take_steps = partial(settle_in_plane, self.descent, carried)
         self._next_identity = max(self._next_identity, int(added.max(initial=-1)) + 1)
         if steps:
             take_steps(steps)
@@ -339,29 +339,33 @@ class Solver:
         self.separate(again=True)
         return Edit(np.sort(added), np.sort(removed), steps)
 
-    def _edit_on_surface(self, problem: Problem, descent: SurfaceDescent) -> tuple[np.ndarray, np.ndarray]:
-        """Make a model and a descent of what is to be placed now; return the identities of bodies that are new, and gone."""
-        before, old = self.model, descent.state
+    def _edit_on_surface(
+        self, problem: Problem, before_edit: SurfaceDescent
+    ) -> tuple[np.ndarray, np.ndarray, Callable[[int], None]]:
+        """Make a model and a descent of what is to be placed now.
+
+        Returns the identities of bodies that are new, and gone; and what takes the steps after the edit.
+        """
+        before, old = self.model, before_edit.state
         model = Model(problem)
         self._name_fixed(before, model)
-        points = points_of(self.launcher, descent.facets, old)
+        points = points_of(self.launcher, before_edit.facets, old)
         self._spreads += 1
         rng = np.random.default_rng([problem.seed, 4, self._spreads])
-        source = np.full(model.body_count, -1, np.int64)
+        made: list[tuple[CarriedOver, np.ndarray]] = []
 
         def start(new: SurfaceDescent) -> None:
             carried, spots = carry_over_on_surface(
                 before, points, model, new.facets, new.share, self._next_identity, rng
             )
             model.carry(before, carried)
-            new.take_over(carried.source, spots, before, old)
-            source[:] = carried.source
+            made.append((carried, new.take_over(carried.source, spots, before, old)))
 
-        self._let_go(descent)
+        self._let_go(before_edit)
         self.model, self.descent = model, SurfaceDescent(model, self.launcher, start)
-        is_new, gone = source < 0, np.ones(before.body_count, bool)
-        gone[source[~is_new]] = False
-        return model.body.identity[is_new], before.body.identity[gone]
+        carried, stood = made[0]
+        take_steps = partial(settle_on_surface, self.descent, stood, carried.left)
+        return model.body.identity[carried.source < 0], before.body.identity[carried.gone], take_steps
 
     def _edit_in_rectangle(self, problem: Problem, before_edit: Descent) -> CarriedInPlane:
         """The same in the plane."""

@@ -96,6 +96,8 @@ class SurfaceDescent:
         ground: What kernels know of the surface.
         rules: What lines are to do.
         charges: Where the charges are.
+        poses: Where the bodies are, as kernels take it.
+        motion: What is remembered of their ways.
         step: A whole step, recorded.
     """
 
@@ -162,11 +164,11 @@ class SurfaceDescent:
             self._put(rows, fixed)
             self._lay(rows, self.rules.fixed_axes(self.facets.normal[fixed[0]]))
         self.rules.lines.length_factor = self.state.length_factor
-        self._poses = self.state.poses()
-        self._motion = self.state.motion(change=launcher.zeros(n, wp.vec3), turn_change=launcher.zeros(n, wp.vec2))
+        self.poses = self.state.poses()
+        self.motion = self.state.motion(change=launcher.zeros(n, wp.vec3), turn_change=launcher.zeros(n, wp.vec2))
         self.contact: SurfaceContact | None = None
         if keeps_apart(model):
-            self.contact = SurfaceContact(model, launcher, self.bodies, self.ground, self._poses, self._motion)
+            self.contact = SurfaceContact(model, launcher, self.bodies, self.ground, self.poses, self.motion)
         self.place_charges()
         self.step = launcher.record(self.take_step)
 
@@ -229,7 +231,7 @@ class SurfaceDescent:
         self.launcher.launch(
             kernels_surface_bends.lay_bends,
             model.body_count,
-            [self._poses, self.bodies, self.ground],
+            [self.poses, self.bodies, self.ground],
             [position, missed],
             grain=GRAIN_OF_NEIGHBORS,
         )
@@ -245,13 +247,13 @@ class SurfaceDescent:
         n = self.model.body_count
         if self._has_dots:
             self.launcher.launch(
-                kernels_on_surface.place_dots, n, [self._poses, self.bodies, self.ground], [self.charges]
+                kernels_on_surface.place_dots, n, [self.poses, self.bodies, self.ground], [self.charges]
             )
         if self.rules.kind_count:
             self.launcher.launch(
                 kernels_surface_lines.place_lines,
                 n,
-                [self._poses, self.bodies, self.ground],
+                [self.poses, self.bodies, self.ground],
                 [self.charges],
                 grain=GRAIN_OF_NEIGHBORS,
             )
@@ -263,15 +265,15 @@ class SurfaceDescent:
                 kernels_on_surface.propose_dots,
                 n,
                 [self.charges, self.bodies, self.ground, in_contact],
-                [self._motion, self.direction.sums],
+                [self.motion, self.direction.sums],
                 per_thread=True,
             )
         if rules.kind_count:
             self.launcher.launch(
                 kernels_surface_lines.propose_lines,
                 n,
-                [self._poses, self.charges, self.bodies, rules.lines, rules.preferred, self.ground, in_contact],
-                [self._motion, self.state.bend, self.direction.sums],
+                [self.poses, self.charges, self.bodies, rules.lines, rules.preferred, self.ground, in_contact],
+                [self.motion, self.state.bend, self.direction.sums],
                 per_thread=True,
             )
 
@@ -282,7 +284,7 @@ class SurfaceDescent:
                 kernels_on_surface.move_dots,
                 n,
                 [self.direction.factors, self.bodies, self.ground],
-                [self._motion, self._poses, self.charges],
+                [self.motion, self.poses, self.charges],
                 grain=GRAIN_OF_NEIGHBORS,
             )
         if self.rules.kind_count:
@@ -290,7 +292,7 @@ class SurfaceDescent:
                 kernels_surface_lines.move_lines,
                 n,
                 [self.direction.factors, self.bodies, self.rules.lines, self.ground],
-                [self._motion, self._poses],
+                [self.motion, self.poses],
                 grain=GRAIN_OF_NEIGHBORS,
             )
             if self.contact is None:
@@ -406,10 +408,11 @@ class SurfaceDescent:
 
     def take_over(
         self, source: np.ndarray, spots: tuple[np.ndarray, np.ndarray], old: Model, before: SurfaceState
-    ) -> None:
+    ) -> np.ndarray:
         """Put bodies where they were before an edit, as they lay; ``source`` is their number then, -1 for new ones.
 
-        Those that may not be there any more, from where they would not find out, begin as in a run of their own.
+        Those that may not be there any more, from where they would not find out, begin as in a run of their own. Returns ``source``
+        with -1 for these, too.
         """
         stays = self._may_be_at(spots)
         rows = np.flatnonzero(stays)
@@ -425,6 +428,7 @@ class SurfaceDescent:
             heading = self.state.heading.numpy().copy()
             heading[outlined] = before.heading.numpy()[source[outlined]]
             self.state.heading.assign(heading)
+        return source
 
     def put_some(self, rows: np.ndarray, points: PointsOnSurface) -> None:
         """Put some bodies at points of the surface; those whose class may not be there stay where they are."""

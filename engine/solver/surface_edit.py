@@ -47,7 +47,7 @@ def carry_over_on_surface(
         share_before, share_now = edit.shares_of(c)
         for s, size in enumerate(body_class.sizes):
             edit.settle(c, s, size.name, share_before, share_now)
-    return CarriedOver(edit.source, edit.identities(first_identity)), (edit.facet, edit.weight)
+    return edit.result(first_identity), (edit.facet, edit.weight)
 
 
 class _SurfaceEdit:
@@ -137,6 +137,12 @@ class _SurfaceEdit:
         gain = np.where(self._share[c] > 0.0, np.maximum(wanted - there, 0.0), 0.0)
         gain[gain < UNCHANGED * wanted] = 0.0
         self.facet[fresh], self.weight[fresh] = self._places.draw(gain if gain.any() else self._share[c], len(fresh))
+
+    def result(self, first_identity: int) -> CarriedOver:
+        """Who has come from where; those that are new have ``first_identity`` and the following ones."""
+        gone = np.ones(self._old.body_count, bool)
+        gone[self.source[self.source >= 0]] = False
+        return CarriedOver(self.source, self.identities(first_identity), gone, self._tile_of_old[gone])
 
     def identities(self, first: int) -> np.ndarray:
         """Identities of all bodies, int64; those that are new have ``first`` and the following ones."""

@@ -1,0 +1,146 @@
+"""Kernels of the steps after an edit in a rectangle; see :mod:`.settling`."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..space.kernels_images import Images
+from ..space.kernels_mesh import Mesh, nearest_node
+from ..space.kernels_space import Space, difference, number_repeated
+from .kernels_descent import Bodies, confine_line, slide
+from .kernels_settling import bin_of_way
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.struct
+class Reach:
+    """How far bodies that are held may go: ``within``, and not farther than ``locally`` times the step ``limit`` at their node."""
+
+    mesh: Mesh
+    limit: wp.array(dtype=float)
+    within: float
+    locally: float
+
+
+@wp.struct
+class Cells:
+    """Cells of the domain, row 0 at the bottom: 1 for those near a change, 0 for others."""
+
+    rows: wp.int32
+    columns: wp.int32
+    size: wp.vec2
+    near: wp.array(dtype=wp.uint8)
+
+
+@wp.func
+def cell_at(position: wp.vec2, cells: Cells):
+    column = wp.clamp(int(position[0] / cells.size[0] * float(cells.columns)), 0, cells.columns - 1)
+    row = wp.clamp(int(position[1] / cells.size[1] * float(cells.rows)), 0, cells.rows - 1)
+    return row * cells.columns + column
+
+
+@wp.kernel
+def mark_places(
+    first: int,
+    place: wp.array(dtype=wp.vec2),
+    cells: Cells,
+    # outputs
+    marked: wp.array(dtype=wp.int32),
+):
+    """Mark the cell that a place lies in; whoever else does so at the same time writes the same."""
+    marked[cell_at(place[first + wp.tid()], cells)] = 1
+
+
+@wp.kernel
+def mark_beside(
+    first: int,
+    marked: wp.array(dtype=wp.int32),
+    space: Space,
+    # outputs
+    cells: Cells,
+):
+    """Mark the cells that are beside a marked one, or are one."""
+    c = first + wp.tid()
+    found = int(0)
+    for dy in range(-1, 2):
+        for dx in range(-1, 2):
+            x = number_repeated(c % cells.columns + dx, cells.columns, space)
+            y = number_repeated(c / cells.columns + dy, cells.rows, space)
+            if x >= 0 and y >= 0:
+                found = wp.max(found, marked[y * cells.columns + x])
+    cells.near[c] = wp.uint8(found)
+
+
+@wp.func
+def reach_at(position: wp.vec2, reach: Reach):
+    return wp.min(reach.within, reach.locally * reach.limit[nearest_node(position, reach.mesh)])
+
+
+@wp.kernel
+def count_moved(
+    first: int,
+    thread: int,
+    start: wp.array(dtype=wp.vec4),
+    source: wp.array(dtype=wp.int32),
+    cells: Cells,
+    reach: Reach,
+    space: Space,
+    pose: wp.array(dtype=wp.vec4),
+    # outputs
+    moved: wp.array2d(dtype=wp.int32),
+):
+    """Count bodies near a change that were there before it by how far they have moved, but those within their reach."""
+    i = first + wp.tid()
+    old = wp.vec2(start[i][0], start[i][1])
+    if source[i] < 0 or cells.near[cell_at(old, cells)] == wp.uint8(0):
+        return
+    way = difference(old, wp.vec2(pose[i][0], pose[i][1]), space)
+    bin = bin_of_way(wp.length(way), reach_at(old, reach))
+    if bin > 0:
+        wp.atomic_add(moved, thread, bin, 1)
+
+
+@wp.kernel
+def bring_back(
+    first: int,
+    start: wp.array(dtype=wp.vec4),
+    source: wp.array(dtype=wp.int32),
+    cells: Cells,
+    reach: Reach,
+    space: Space,
+    free_from: int,
+    bodies: Bodies,
+    images: Images,
+    bend: wp.array(dtype=float),
+    # outputs
+    pose: wp.array(dtype=wp.vec4),
+    displacement: wp.array(dtype=wp.vec4),
+):
+    """Bring bodies back into their reach, but new ones and those near a change whose ways are in bin ``free_from`` or longer.
+
+    Turns, lengths and bends stay as they are.
+    """
+    i = first + wp.tid()
+    at = pose[i]
+    old = wp.vec2(start[i][0], start[i][1])
+    here = wp.vec2(at[0], at[1])
+    way = difference(old, here, space)
+    length = wp.length(way)
+    most = reach_at(old, reach)
+    bin = bin_of_way(length, most)
+    if source[i] < 0 or bin == 0 or not (length > 0.0):
+        return
+    if bin >= free_from and cells.near[cell_at(old, cells)] != wp.uint8(0):
+        return
+    back = old + way * (most / length)
+    if bodies.kind[i] < 0:
+        new = slide(old, back, bodies.support[i], images, space)
+        pose[i] = wp.vec4(new[0], new[1], at[2], at[3])
+    else:
+        begin = bodies.first_charge[i]
+        end = bodies.first_charge[i + 1]
+        wanted = wp.vec4(back[0], back[1], at[2], at[3])
+        pose[i] = confine_line(at, wanted, begin, end, bodies, bend, bodies.support[i], images, space)
+    shift = difference(here, wp.vec2(pose[i][0], pose[i][1]), space)
+    displacement[i] = displacement[i] + wp.vec4(shift[0], shift[1], 0.0, 0.0)

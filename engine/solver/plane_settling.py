@@ -1,0 +1,78 @@
+"""Bodies in a rectangle that an edit holds near where they were; see :mod:`.settling`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import warp as wp
+
+from . import kernels_plane_settling
+from .carried_over import CarriedInPlane
+from .descent import STEP_LIMIT, Descent
+from .settling import HELD_WITHIN, LOCALLY, Held, settle
+
+__all__ = ["settle_in_plane"]
+
+# Width of a cell in mean spacings; who is in a cell beside one with a change is near it, which is two to four spacings.
+CELL_OVER_SPACING = 2.0
+
+
+def settle_in_plane(descent: Descent, carried: CarriedInPlane, steps: int) -> None:
+    """Take the steps after an edit; where nobody came, went or was moved, there are no others than these ``steps``."""
+    if any(len(places) for places in carried.changes):
+        settle(descent.launcher, descent.step, _HeldInPlane(descent, carried), steps)
+    else:
+        descent.step.play(steps)
+
+
+class _HeldInPlane(Held):
+    """Args: a descent of a rectangle before its first step, and who its bodies are."""
+
+    def __init__(self, descent: Descent, carried: CarriedInPlane) -> None:
+        model = descent.model
+        self._descent = descent
+        self.body_count, self.changed = model.body_count, max(len(carried.came), len(carried.went))
+        width, height = model.size
+        spacing = math.sqrt(width * height / model.body_count)
+        reach = kernels_plane_settling.Reach()
+        reach.mesh, reach.limit = descent.field.mesh, descent.step_limit
+        reach.within, reach.locally = HELD_WITHIN * spacing, HELD_WITHIN * LOCALLY / STEP_LIMIT
+        start = wp.clone(descent.state.pose)
+        self._where = [start, carried.sources, self._near(carried.changes, CELL_OVER_SPACING * spacing), reach]
+        self._where.append(model.space.for_kernels())
+
+    def count_moved(self, moved: wp.array) -> None:
+        """See :meth:`.Held.count_moved`."""
+        self._descent.launcher.launch(
+            kernels_plane_settling.count_moved,
+            self.body_count,
+            [*self._where, self._descent.state.pose],
+            [moved],
+            per_thread=True,
+        )
+
+    def bring_back(self, free_from: int) -> None:
+        """See :meth:`.Held.bring_back`."""
+        descent = self._descent
+        descent.launcher.launch(
+            kernels_plane_settling.bring_back,
+            self.body_count,
+            [*self._where, free_from, descent.bodies, descent.images, descent.state.bend],
+            [descent.state.pose, descent.state.displacement],
+        )
+        descent.place_charges()
+
+    def _near(self, changes: Sequence[wp.array], width: float) -> kernels_plane_settling.Cells:
+        """The cells of the domain, of about this width, that are beside one with a change."""
+        launcher, model = self._descent.launcher, self._descent.model
+        cells = kernels_plane_settling.Cells()
+        cells.rows, cells.columns = (max(1, math.ceil(length / width)) for length in model.size[::-1])
+        cells.size = wp.vec2(*model.size)
+        cells.near = launcher.empty(cells.rows * cells.columns, wp.uint8)
+        marked = launcher.zeros(cells.rows * cells.columns, wp.int32)
+        for places in changes:
+            launcher.launch(kernels_plane_settling.mark_places, len(places), [places, cells], [marked])
+        space = model.space.for_kernels()
+        launcher.launch(kernels_plane_settling.mark_beside, len(marked), [marked, space], [cells])
+        return cells
