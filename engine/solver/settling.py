@@ -16,7 +16,7 @@ import warp as wp
 from ..device.launcher import Launcher, Recording
 from . import kernels_settling
 
-__all__ = ["HELD_WITHIN", "LOCALLY", "Held", "settle"]
+__all__ = ["HELD_WITHIN", "LOCALLY", "MOST_FREE", "Held", "settle"]
 
 # Bodies settle for so many steps, the fewer the more of them there are, and are held in a few more before those that an edit is asked
 # for. Measured on strokes over a twentieth of a photograph that leave a fifth or half of its density, and the count as it was, by the
@@ -27,11 +27,9 @@ HELD_STEPS = 2
 # How far bodies that are held are from where they were, at most, in mean spacings, or in as many times the local spacing as the second
 # number where that is less: nobody sees a tenth of a spacing.
 HELD_WITHIN, LOCALLY = 0.098, 1.5
-# Share of all bodies that may move farther; and where more than a tenth of all came or went, how many may for each of these. Measured:
-# with a share of 0.24 the errors above are 0.02 less, and a twentieth more of the bodies move that are far from the stroke. Where a
-# density of hills becomes an even one a quarter of all go, and errors are 1.5 times the later ones; with a fifth that is free 2.7 to
-# 3.4.
-MOST_FREE, FREE_FOR_EACH = 0.2, 2.2
+# Share of all bodies that may move farther, unless more than a tenth of all came or went. Measured: with 0.24 the errors above are
+# 0.02 less, and a twentieth more of the bodies move that are far from the stroke.
+MOST_FREE = 0.2
 
 
 class Held(Protocol):
@@ -39,11 +37,11 @@ class Held(Protocol):
 
     Attributes:
         body_count: How many there are.
-        changed: How many came or went.
+        most_free: How many may move farther than the others.
     """
 
     body_count: int
-    changed: int
+    most_free: float
 
     def count_moved(self, moved: wp.array) -> None:
         """Count how many that are near a change have moved how far; see :mod:`.kernels_settling`."""
@@ -61,15 +59,13 @@ def settle(launcher: Launcher, step: Recording, held: Held, steps: int) -> None:
         held: Who is to be held.
         steps: How many to take behind those in which bodies settle.
     """
-    count = held.body_count
-    most_free = max(MOST_FREE * count, FREE_FOR_EACH * held.changed)
     moved = launcher.empty((launcher.thread_count, kernels_settling.BINS), wp.int32)
-    step.play(min(max(BODIES_TO_SETTLE // count, FEWEST_SETTLING), MOST_SETTLING))
+    step.play(min(max(BODIES_TO_SETTLE // held.body_count, FEWEST_SETTLING), MOST_SETTLING))
     for _ in range(HELD_STEPS + steps):
         step.play()
         moved.zero_()
         held.count_moved(moved)
-        held.bring_back(_free_from(moved.numpy(), most_free))
+        held.bring_back(_free_from(moved.numpy(), held.most_free))
 
 
 def _free_from(moved: np.ndarray, most_free: float) -> int:

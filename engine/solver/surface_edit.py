@@ -12,9 +12,9 @@ from ..problem.surface import PointsOnSurface
 from ..surface.facets import Facets
 from .body_flags import BodyFlags
 from .carried_over import CarriedOver
-from .kernels_edit import UNCHANGED
+from .kernels_edit import FEW, UNCHANGED
 from .model import Model
-from .surface_places import Spots, TilePlaces, spots_of_points, tiles_of
+from .surface_places import Spots, TilePlaces, middles_of_strata, spots_of_points, tiles_of
 
 __all__ = ["carry_over_on_surface"]
 
@@ -123,7 +123,9 @@ class _SurfaceEdit:
         pool = np.flatnonzero(of_size & ~self._used)
         self._used[pool] = True
         wanted, there = len(rows) * share_now, len(pool) * share_before
-        staying = _staying(pool, self._tile_of_old, self._rank_on_curve, wanted, there, len(rows))
+        pool = pool[np.argsort(self._rank_on_curve[pool], kind="stable")]
+        tile = self._tile_of_old[pool]
+        staying = _staying(pool, self._points.position[pool], wanted[tile], there[tile], len(rows))
         seats = rows
         if len(staying) and np.ptp(before.area[staying]) > 0.0:
             # Bodies of a range keep their ranks.
@@ -154,23 +156,32 @@ class _SurfaceEdit:
         return identity
 
 
-def _staying(
-    pool: np.ndarray, tile: np.ndarray, curve: np.ndarray, wanted: np.ndarray, there: np.ndarray, most: int
-) -> np.ndarray:
-    """Return which of some bodies stay: each as likely as its tile is wanted, and no more than there are seats."""
-    if not len(pool):
-        return pool
-    order = pool[np.argsort(curve[pool], kind="stable")]
-    going = np.clip(1.0 - wanted[tile[order]] / np.maximum(there[tile[order]], 1e-300), 0.0, 1.0)
+def _staying(pool: np.ndarray, position: np.ndarray, wanted: np.ndarray, there: np.ndarray, seats: int) -> np.ndarray:
+    """Return which of some bodies stay: each as likely as its tile is wanted, all spread evenly, and no more than there are seats.
+
+    Args:
+        pool: Their numbers, along the curve of tiles.
+        position: Where they are, shape ``[n, 3]``.
+        wanted: How many bodies are wanted on the tile of each.
+        there: How many were.
+        seats: How many may stay.
+    """
+    going = np.clip(1.0 - wanted / np.maximum(there, 1e-300), 0.0, 1.0)
     going[going < UNCHANGED] = 0.0
-    surplus = len(order) - most
+    surplus = len(pool) - seats
     if surplus > going.sum():
         # More have to go than densities say.
         left = 1.0 - going
         going += left * (surplus - going.sum()) / max(left.sum(), 1e-300)
-    running = np.cumsum(going)
-    goes = np.floor(running + 0.5) > np.floor(np.concatenate([[0.0], running[:-1]]) + 0.5)
-    staying = order[~goes]
-    if len(staying) > most:
-        staying = np.delete(staying, np.linspace(0, len(staying) - 1, len(staying) - most).astype(int))
-    return np.sort(staying)
+    stays = np.ones(len(pool), bool)
+    # Where few are left it is those that are to be even, elsewhere the gaps.
+    for few in (False, True):
+        some = np.flatnonzero((going > 1.0 - FEW) == few)
+        chance = 1.0 - going[some] if few else going[some]
+        count = int(chance.sum() + 0.5)
+        stays[some] = not few
+        stays[some[middles_of_strata(position[some], chance, count)]] = few
+    staying = np.flatnonzero(stays)
+    if len(staying) > seats:
+        staying = np.delete(staying, np.linspace(0, len(staying) - 1, len(staying) - seats).astype(int))
+    return np.sort(pool[staying])

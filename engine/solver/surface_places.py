@@ -27,6 +27,7 @@ __all__ = [
     "clear_of_balls",
     "clearances",
     "left_by_fixed",
+    "middles_of_strata",
     "reach_into_balls",
     "spots_near_points",
     "spots_of_fixed",
@@ -250,15 +251,44 @@ class TilePlaces:
     def __init__(self, facets: Facets, rng: np.random.Generator) -> None:
         self._facets, self._rng = facets, rng
         self._facet, self._weight = facets.tiles(np.arange(facets.count))
+        self._middle = _tile_middles(facets)[1]
 
     def draw(self, share: np.ndarray, count: int) -> Spots:
-        """Return ``count`` places at even steps of the running sum of a share of every tile, shape ``[tile_count]``."""
-        running = np.cumsum(share)
-        step = (np.arange(count) + self._rng.random()) / max(count, 1) * running[-1]
-        tile = np.minimum(np.searchsorted(running, step, side="right"), len(running) - 1)
+        """Return ``count`` places that are spread evenly over a share of every tile, shape ``[tile_count]``."""
+        tile = middles_of_strata(self._middle, share, count)
         facet = self._facet[tile]
         within = 0.3 * (self._rng.random((count, 2)) - 0.5) / self._facets.cuts[facet][:, None]
         return facet.astype(np.int32), (self._weight[tile, 1:] + within).astype(np.float32)
+
+
+def middles_of_strata(position: np.ndarray, weight: np.ndarray, count: int) -> np.ndarray:
+    """Cut things into as many strata of equal weight, and return the one in the middle of each.
+
+    Args:
+        position: Where they are, in the order of a curve that neighbors in space are near to each other on, shape ``[n, 3]``.
+        weight: Of each, 0 or more, shape ``[n]``.
+        count: How many strata.
+
+    Returns:
+        Their numbers, shape ``[count]``: all different where none has more than the weight of a stratum.
+    """
+    if not count:
+        return np.zeros(0, np.int64)
+    running = np.cumsum(weight)
+    share = running[-1] / count
+    # Whoever lies across the middle of a stratum along the curve is in it, unless it is larger.
+    result = np.minimum(np.searchsorted(running, (np.arange(count) + 0.5) * share, side="right"), len(running) - 1)
+    has_weight = np.flatnonzero(weight > 0.0)
+    own = weight[has_weight]
+    stratum = np.minimum(((running[has_weight] - 0.5 * own) / share).astype(int), count - 1)
+    total = np.bincount(stratum, own, count)
+    place = position[has_weight]
+    middle = np.stack([np.bincount(stratum, own * axis, count) / np.maximum(total, 1e-300) for axis in place.T], axis=1)
+    away = np.linalg.norm(place - middle[stratum], axis=1)
+    order = np.lexsort((has_weight, away, stratum))
+    found, first = np.unique(stratum[order], return_index=True)
+    result[found] = has_weight[order[first]]
+    return result
 
 
 def _tile_middles(facets: Facets) -> tuple[np.ndarray, np.ndarray]:
