@@ -454,8 +454,8 @@ class Cascade:
         variance = launcher.empty(0, float)
         self._variance = None
         if self._following is not None:
-            self._variance = self._variances(at_corners, taken(launcher, tile, self.home))
-            variance = taken(launcher, first, self._variance)
+            variance = self._variances(corners, taken(launcher, taken(launcher, first, tile), self.home))
+            self._variance = taken(launcher, which, variance)
             shares, of_group = self._following.shares_of_groups(charge, charge_group, self.group_count)
             of_target = float(np.average(self._following.shares(charge), weights=charge))
         sources, source_count = self._sources(facets, parts, columns, table.cutoff, of_target)

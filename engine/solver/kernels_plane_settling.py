@@ -116,10 +116,11 @@ def bring_back(
     # outputs
     pose: wp.array(dtype=wp.vec4),
     displacement: wp.array(dtype=wp.vec4),
+    charge_position: wp.array(dtype=wp.vec2),
 ):
     """Bring bodies back into their reach, but new ones and those near a change whose ways are in bin ``free_from`` or longer.
 
-    Turns, lengths and bends stay as they are.
+    Turns, lengths and bends stay as they are; charges of lines are still to follow.
     """
     i = first + wp.tid()
     at = pose[i]
@@ -137,6 +138,7 @@ def bring_back(
     if bodies.kind[i] < 0:
         new = slide(old, back, bodies.support[i], images, space)
         pose[i] = wp.vec4(new[0], new[1], at[2], at[3])
+        charge_position[bodies.first_charge[i]] = new
     else:
         begin = bodies.first_charge[i]
         end = bodies.first_charge[i + 1]

@@ -65,9 +65,10 @@ class _HeldInPlane(Held):
             kernels_plane_settling.bring_back,
             self.body_count,
             [*self._where, free_from, descent.bodies, descent.images, descent.state.bend],
-            [descent.state.pose, descent.state.displacement],
+            [descent.state.pose, descent.state.displacement, descent.charge_position],
         )
-        descent.place_charges()
+        if descent.model.kinds:
+            descent.place_charges()
 
     def _near(self, changes: Sequence[wp.array], width: float) -> kernels_plane_settling.Cells:
         """The cells of the domain, of about this width, that are beside one with a change."""

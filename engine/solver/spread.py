@@ -1,4 +1,4 @@
-"""Points spread evenly over densities: where an edit takes bodies out, and where it sets new ones down."""
+"""Points spread evenly over densities, over each by themselves: where an edit takes bodies out, and where it sets new ones down."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from .model import Model
 
 __all__ = ["Spreading"]
 
-# Not many: what follows moves them once more. With 20, errors after an edit are larger by a twentieth.
-STEPS = 24
+# Not many: what follows moves them once more. With 8 or 24, errors after an edit are larger by 0.03 at most, and as large.
+STEPS = 16
 # A coarse mesh will do for what attracts points.
 FEWEST_NODES = 2**14
 # Density over the largest that is there everywhere: points may leave where there is none, and nobody has to look for the way back.
@@ -26,7 +26,7 @@ LEAST = 1e-7
 
 
 class Spreading:
-    """Points that are being spread evenly over densities: by themselves, and all of them together.
+    """Points that are being spread evenly over densities, over each by themselves: who comes does so where nobody goes.
 
     A GPU spreads them while the processor goes on, until somebody asks where they are.
 
@@ -47,7 +47,7 @@ class Spreading:
         if not self._asked:
             return
         classes = [PreparedClass(str(i), (Size("point", 1.0, counts[i]),), _image(densities[i])) for i in self._asked]
-        model = Model(Problem(domain, classes, Balance(), seed=seed))
+        model = Model(Problem(domain, classes, Balance(class_separation=0.0), seed=seed))
         self._descent = Descent(model, launcher, fewest_nodes=FEWEST_NODES)
         if model.body_count > 1:
             self._descent.step.play(STEPS)

@@ -56,7 +56,8 @@ def spots_of_points(facets: Facets, points: PointsOnSurface) -> Spots:
     before = np.cumsum(count) - count
     within = np.arange(len(row)) - np.repeat(before, count)
     candidate = order[first[row] + within]
-    weight = np.einsum("nk,nkd->nd", points.barycentric[row], np.linalg.inv(facets.weight[candidate]))
+    used, which = np.unique(candidate, return_inverse=True)
+    weight = np.einsum("nk,nkd->nd", points.barycentric[row], np.linalg.inv(facets.weight[used])[which])
     # Of the facets of its triangle, that which a point lies deepest in.
     depth = weight.min(axis=1)
     best = np.lexsort((candidate, -depth, row))

@@ -270,3 +270,28 @@ def test_bodies_that_begin_where_their_density_is_0_by_now_come_to_where_it_is_n
         after = solver.placement()
     assert after.position[:, 2].min() > 0.15
     assert measure(after, solver.launcher).coverage_error < 0.03
+
+
+@pytest.mark.parametrize(("factor", "over_later"), [(0.5, 1.6), (2.0, 2.5)])
+@pytest.mark.parametrize("follows", [True, False])
+def test_what_is_painted_on_a_surface_is_followed_and_others_stay(factor, over_later, follows):
+    """As in the plane: four fifths of those that are far from a stroke stay where they are, even where as many come or go there."""
+    count, reach = 2000, 0.45
+    painted = lambda points: np.where(np.linalg.norm(points.position - [0.0, 0.0, 1.0], axis=1) < reach, factor, 1.0)  # noqa: E731
+    after_count = round(count * (1.0 + (factor - 1.0) * reach**2 / 4.0)) if follows else count
+    with esh.Solver(problem(count, area=1e-6), device="cpu") as solver:
+        solver.run(100)
+        before = solver.placement()
+        edit = solver.edit(problem(after_count, painted, area=1e-6))
+        after = solver.placement()
+        error = measure(after, solver.launcher).coverage_error
+        solver.run(100)
+        later = measure(solver.placement(), solver.launcher).coverage_error
+    came_and_went = min(len(edit.added), len(edit.removed))
+    assert came_and_went < 5 if follows else came_and_went > 20
+    assert error < (1.3 if follows else over_later) * later
+    _, i, j = np.intersect1d(before.id, after.id, return_indices=True)
+    spacing = np.sqrt(4.0 * np.pi / count)
+    away = np.linalg.norm(before.position[i] - [0.0, 0.0, 1.0], axis=1) > reach + 2.5 * spacing
+    moved = np.linalg.norm(after.position[j] - before.position[i], axis=1)[away]
+    assert (moved < 0.1 * spacing).mean() > (0.97 if follows else 0.78)
