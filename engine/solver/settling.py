@@ -20,8 +20,8 @@ __all__ = ["HELD_WITHIN", "LOCALLY", "MOST_FREE", "Held", "settle"]
 
 # Bodies settle for so many steps, the fewer the more of them there are, and are held in a few more before those that an edit is asked
 # for. Measured on strokes over a twentieth of a photograph that leave a fifth or half of its density, and the count as it was, by the
-# coverage error at a spacing after 5 more steps over that after 100 more. Of 10,000 bodies 6 and 1, 12 and 2 steps: 1.26 and 1.29, 1.22
-# and 1.26. Of 100,000: 1.25 and 1.32, 1.19 and 1.27.
+# coverage error at a spacing after 5 more steps over that after 100 more: of 10,000 bodies 1.26 and 1.29 after 6 and 1 steps, 1.22 and
+# 1.24 after 12 and 2.
 FEWEST_SETTLING, MOST_SETTLING = 6, 12
 BODIES_TO_SETTLE = 800_000
 HELD_STEPS = 2
