@@ -8,7 +8,7 @@ from . import operators, versions
 from .editing import dropped_presets, forecast, painting
 from .operators import exchange as exchange_operators
 from .properties import body_class, layer, obstacle, placed, scatter, scene, size
-from .sidebar import density_preview, lists, menus, panels
+from .sidebar import asset_shelf, density_preview, lists, menus, panels
 from .solving import live, running
 
 __all__ = ["register", "unregister"]
@@ -23,6 +23,7 @@ _MODULES = (
     scene,
     lists,
     operators,
+    asset_shelf,
     menus,
     panels,
     exchange_operators,

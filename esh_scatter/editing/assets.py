@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,7 +13,7 @@ import bpy
 from ...engine.errors import InputFileError, ProblemError
 from ..targets.target import is_result, members_of
 
-__all__ = ["PRESET", "Asset", "assets_from_text", "bring_in", "selected_assets", "text_of_assets"]
+__all__ = ["PRESET", "Asset", "asset_of_library", "assets_from_text", "bring_in", "selected_assets", "text_of_assets"]
 
 # Custom property of a node group: the preset that it stands for, as JSON.
 PRESET = "esh_preset"
@@ -20,6 +21,8 @@ PRESET = "esh_preset"
 ORIGIN = "esh_asset"
 # What can be placed, by Blender's word for it: where a file has it.
 PLACED = {"OBJECT": "objects", "COLLECTION": "collections"}
+# How Blender writes where in a library one of these is: the file, unless it is the open one, what it is, and its name.
+_IN_LIBRARY = re.compile(r"(?:(?P<file>.+\.blend)/)?(?P<kind>Object|Collection)/(?P<name>.+)")
 # What presets are.
 NODE_GROUPS = "node_groups"
 
@@ -51,6 +54,33 @@ def selected_assets(context: bpy.types.Context) -> list[Asset]:
             name = one.name if one.local_id is None else one.local_id.name
             found.append(Asset(one.id_type, name, "" if one.local_id is not None else one.full_library_path))
     return found
+
+
+def asset_of_library(kind: str, library: str, identifier: str) -> Asset:
+    """Return an asset as Blender's shelves refer to it.
+
+    Args:
+        kind: Blender's word for the kind of library: ``LOCAL`` for the open file, ``ESSENTIALS`` for what comes with Blender.
+        library: Name of the library in the preferences; empty for others.
+        identifier: Where in it the asset is: ``trees/oaks.blend/Object/Oak``.
+
+    Raises:
+        ProblemError: It is neither an object nor a collection.
+        InputFileError: No library has it.
+    """
+    found = _IN_LIBRARY.fullmatch(identifier.replace("\\", "/"))
+    if found is None:
+        raise ProblemError(f'an asset must be an object or a collection to be placed; got "{identifier}"')
+    file = found["file"] or ""
+    if file and kind != "LOCAL":
+        folders = [Path(bpy.utils.system_resource("DATAFILES", path="assets"))] if kind == "ESSENTIALS" else []
+        named = bpy.context.preferences.filepaths.asset_libraries
+        folders += [Path(bpy.path.abspath(one.path)) for one in named if one.path and library in ("", one.name)]
+        path = next((folder / file for folder in folders if (folder / file).is_file()), None)
+        if path is None:
+            raise InputFileError(f'no asset library has the file "{file}" any more')
+        file = str(path)
+    return Asset(found["kind"].upper(), found["name"], file)
 
 
 def text_of_assets(assets: Sequence[Asset]) -> str:

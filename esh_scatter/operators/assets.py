@@ -7,10 +7,19 @@
 # mypy: disable-error-code="valid-type"
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import EnumProperty, StringProperty
 
 from ...engine.errors import EshError, ProblemError
-from ..editing.assets import PLACED, PRESET, Asset, assets_from_text, bring_in, selected_assets, text_of_assets
+from ..editing.assets import (
+    PLACED,
+    PRESET,
+    Asset,
+    asset_of_library,
+    assets_from_text,
+    bring_in,
+    selected_assets,
+    text_of_assets,
+)
 from ..properties.scene import active_scatter, selected_scatter
 from ..result.scene_units import sentence
 from ..targets.target import members_of
@@ -18,8 +27,10 @@ from .classes_from import ClassesFromObjects
 from .edit import Edit, ground_in, stood_on
 from .run import ScatterObjects
 
-__all__ = ["CLASSES"]
+__all__ = ["CLASSES", "SHELF"]
 
+# Name of the shelf that shows the assets, see :mod:`..sidebar.asset_shelf`.
+SHELF = "ESH_AST_assets"
 _SELECT_ASSETS = "Select objects or collections in the asset browser first"
 
 
@@ -105,6 +116,53 @@ class ESH_OT_source_from_asset(Edit):
             return {"CANCELLED"}
         if item is None:
             self.report({"ERROR"}, _SELECT_ASSETS)
+            return {"CANCELLED"}
+        (body_class.active_size or body_class.add_size()).place(item)
+        return {"FINISHED"}
+
+
+class ESH_OT_source_from_shelf(Edit):
+    """Choose an object or a collection of the asset libraries, which the selected class places from then on"""
+
+    bl_idname = "esh.source_from_shelf"
+    bl_label = "Choose Asset"
+    _missing = "Select a class first"
+
+    # By these names, and with these numbers, a shelf tells its operator which asset was clicked.
+    asset_library_type: EnumProperty(
+        name="Library Type",
+        items=(
+            ("LOCAL", "Current File", "", 1),
+            ("ALL", "All Libraries", "", 2),
+            ("ESSENTIALS", "Essentials", "", 3),
+            ("CUSTOM", "Asset Library", "", 100),
+        ),
+        options={"HIDDEN", "SKIP_SAVE"},
+    )
+    asset_library_identifier: StringProperty(name="Library", options={"HIDDEN", "SKIP_SAVE"})
+    relative_asset_identifier: StringProperty(name="Asset", options={"HIDDEN", "SKIP_SAVE"})
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        scatter = active_scatter(context)
+        return scatter and scatter.active_class
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Show the assets where none was clicked."""
+        if self.relative_asset_identifier:
+            return self.execute(context)
+        return set(bpy.ops.wm.call_asset_shelf_popover("INVOKE_DEFAULT", name=SHELF))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Choose it."""
+        body_class = selected_scatter(context).active_class
+        assert body_class is not None
+        try:
+            item = bring_in(
+                asset_of_library(self.asset_library_type, self.asset_library_identifier, self.relative_asset_identifier)
+            )
+        except EshError as error:
+            self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}
         (body_class.active_size or body_class.add_size()).place(item)
         return {"FINISHED"}
@@ -198,6 +256,7 @@ CLASSES = (
     ESH_OT_scatter_assets,
     ESH_OT_classes_from_assets,
     ESH_OT_source_from_asset,
+    ESH_OT_source_from_shelf,
     ESH_OT_preset_from_asset,
     ESH_OT_presets_as_assets,
 )

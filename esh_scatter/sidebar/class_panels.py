@@ -9,6 +9,7 @@ from ..properties.body_class import DERIVED_COUNTS
 from ..properties.scene import active_scatter, selected_class, selected_scatter
 from ..result.scene_units import area_unit
 from ..targets.target import members_of
+from .asset_shelf import draw_choice_of_asset
 from .density_panel import draw_density
 from .panel_parts import SubPanel, draw_image, draw_list, draw_property, draw_settings, write_text
 
@@ -154,6 +155,7 @@ def _draw_source(context: bpy.types.Context, column: bpy.types.UILayout, size: b
     source = column.row()
     source.alert = size.source is None or bool(size.deleted)
     source.prop(size, "source_object" if size.source_kind == "OBJECT" else "source_collection")
+    draw_choice_of_asset(source)
     if size.source_kind == "COLLECTION" and size.source is not None:
         _draw_variants(column, size)
 

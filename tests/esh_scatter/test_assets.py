@@ -11,6 +11,7 @@ import esh  # noqa: E402
 from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.editing import assets, dropped_presets, preset_library  # noqa: E402
 from esh.esh_scatter.editing.preset_files import built_in_presets  # noqa: E402
+from esh.esh_scatter.sidebar import asset_shelf  # noqa: E402
 
 
 def box(name, width, height):
@@ -68,6 +69,53 @@ def test_assets_become_classes_that_are_scattered(library, ground):
     items = list(bpy.context.scene.objects)
     assert sorted(item.name for item in items) == sorted(["Ground", scatter.result.name]), "only instances show"
     assert tree.sizes[0].source_object.asset_data is None, "a copy is no asset of this file"
+
+
+@pytest.fixture
+def listed(library, ground):
+    """The file's folder is an asset library in the preferences."""
+    libraries = bpy.context.preferences.filepaths.asset_libraries
+    bpy.ops.preferences.asset_library_add(directory=str(library.parent))
+    yield libraries[-1]
+    bpy.ops.preferences.asset_library_remove(index=len(libraries) - 1)
+
+
+def test_an_asset_that_is_clicked_in_the_shelf_is_placed_by_the_selected_class(library, ground, listed):
+    body_class = bpy.context.scene.esh_scatter.add_scatter(ground).add_class()
+    choose = bpy.ops.esh.source_from_shelf
+    where = {"asset_library_type": "CUSTOM", "asset_library_identifier": listed.name}
+    assert choose(**where, relative_asset_identifier="assets.blend/Object/Tree") == {"FINISHED"}
+    size = body_class.active_size
+    assert (size.source_kind, size.source_object.name) == ("OBJECT", "Tree")
+    # In a library of all libraries a reference may lack the name of its own.
+    backslashes = "assets.blend\\Collection\\Cabin"
+    assert choose(asset_library_type="ALL", relative_asset_identifier=backslashes) == {"FINISHED"}
+    assert (size.source_kind, size.source_collection.name) == ("ASSET", "Cabin")
+    own = box("Own", 1.0, 1.0)
+    own.asset_mark()
+    assert choose(asset_library_type="LOCAL", relative_asset_identifier="Object/Own") == {"FINISHED"}
+    assert size.source_object == own
+    for wrong, says in {
+        "assets.blend/Material/Bark": "must be an object or a collection",
+        "assets.blend/Object/Gone": "has none of that name",
+        "assets.blend/Object/Lamp": "must have geometry",
+        "gone.blend/Object/Tree": "o asset library has the file",
+        "": "must be an object or a collection",
+    }.items():
+        with pytest.raises(RuntimeError, match=says):
+            choose(**where, relative_asset_identifier=wrong)
+    assert size.source_object == own
+
+
+def test_the_shelf_shows_objects_and_collections_where_a_class_can_place_them(ground):
+    shelf = asset_shelf.ESH_AST_assets
+    assert not shelf.poll(bpy.context)
+    scatter = bpy.context.scene.esh_scatter.add_scatter(ground)
+    assert not shelf.poll(bpy.context)
+    scatter.add_class()
+    assert shelf.poll(bpy.context)
+    kinds = ("OBJECT", "COLLECTION", "MATERIAL", "NODETREE")
+    assert [shelf.asset_poll(SimpleNamespace(id_type=kind)) for kind in kinds] == [True, True, False, False]
 
 
 def test_an_asset_is_brought_in_once(library, ground):

@@ -11,19 +11,20 @@ from esh.esh_scatter import operators, registration  # noqa: E402
 from esh.esh_scatter.operators import classes, classes_from, layers, overlaps, presets, run, scatters, sizes  # noqa: E402
 from esh.esh_scatter.operators import exchange as exchange_operators  # noqa: E402
 from esh.esh_scatter.properties import body_class, layer, scatter, scene, size  # noqa: E402
-from esh.esh_scatter.sidebar import class_panels, lists, menus, panels, report_panel  # noqa: E402
+from esh.esh_scatter.sidebar import asset_shelf, class_panels, lists, menus, panels, report_panel  # noqa: E402
 
 PROPERTIES = (size, layer, body_class, scatter, scene)
 OPERATORS = (run, overlaps, scatters, presets, classes_from, classes, sizes, layers)
-MODULES = (*PROPERTIES, lists, *OPERATORS, menus, panels, exchange_operators)
+MODULES = (*PROPERTIES, lists, *OPERATORS, asset_shelf, menus, panels, exchange_operators)
 # What the names of Blender's classes have in them.
-INFIXES = (*["_PG_"] * len(PROPERTIES), "_UL_", *["_OT_"] * len(OPERATORS), "_MT_", "_PT_", "_OT_")
+INFIXES = (*["_PG_"] * len(PROPERTIES), "_UL_", *["_OT_"] * len(OPERATORS), "_AST_", "_MT_", "_PT_", "_OT_")
 PREFIX = "ESH_"
 
 
 def everything_registered() -> set[str]:
     """Return what the add-on can leave in Blender: types, properties, operators, timers and handlers."""
-    kinds = (bpy.types.PropertyGroup, bpy.types.UIList, bpy.types.Operator, bpy.types.Panel, bpy.types.Menu)
+    types = bpy.types
+    kinds = (types.PropertyGroup, types.UIList, types.Operator, types.AssetShelf, types.Panel, types.Menu)
     found = {
         cls.__name__
         for kind in kinds
