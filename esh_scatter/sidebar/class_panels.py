@@ -152,10 +152,12 @@ class ESH_PT_overlap(_ClassSubPanel, bpy.types.Panel):
 
 def _draw_source(context: bpy.types.Context, column: bpy.types.UILayout, size: bpy.types.PropertyGroup) -> None:
     draw_property(context, column, size, "source_kind")
-    source = column.row()
+    source = column.row(align=True)
     source.alert = size.source is None or bool(size.deleted)
     source.prop(size, "source_object" if size.source_kind == "OBJECT" else "source_collection")
-    draw_choice_of_asset(source)
+    beside = source.row(align=True)
+    beside.alert = False
+    draw_choice_of_asset(beside)
     if size.source_kind == "COLLECTION" and size.source is not None:
         _draw_variants(column, size)
 

@@ -1,4 +1,7 @@
-"""Runs inside a windowed Blender: drags a preset with the mouse from the asset browser onto the ground, and says what came of it."""
+"""Runs inside a windowed Blender: drags a preset with the mouse from the asset browser onto the ground, and says what came of it.
+
+Then it shows the assets that a class of it could place.
+"""
 
 import shutil
 import sys
@@ -81,6 +84,16 @@ def look():
     steps.take_screenshot("dropped.png")
 
 
+def show_shelf():
+    if answer["mouse"]:
+        with steps.window_context():
+            answer["shelf"] = sorted(bpy.ops.esh.source_from_shelf("INVOKE_DEFAULT"))
+
+
+def look_at_shelf():
+    steps.take_screenshot("shelf.png")
+
+
 steps.run(
     [
         (steps.install, 2.0),
@@ -89,6 +102,8 @@ steps.run(
         (drop, 1.0),
         (finished, 2.0),
         (look, 0.5),
+        (show_shelf, 2.0),
+        (look_at_shelf, 0.5),
         (steps.end, 1.0),
     ]
 )

@@ -155,6 +155,7 @@ def test_a_preset_that_is_dragged_onto_the_ground_is_scattered_there(package: Pa
     assert answer["shown"] == ["FINISHED"] and answer["scatters"] == ["Pebbles"]
     assert answer["placed"] == answer["asked"] > 1000
     assert not answer["modifiers"] and not answer["groups"], "what Blender made of the drop is gone"
+    assert answer["shelf"] == ["INTERFACE"], "the assets that a class can place are shown"
 
 
 def test_twenty_classes_are_drawn_quickly(package: Path, tmp_path: Path):
