@@ -32,7 +32,7 @@ def settle_in_plane(descent: Descent, carried: CarriedInPlane, steps: int) -> No
 
 
 class _HeldInPlane(Held):
-    """Args: a descent of a rectangle before its first step, and who its bodies are."""
+    """Those of a descent of a rectangle before its first step; ``carried`` says who they are."""
 
     def __init__(self, descent: Descent, carried: CarriedInPlane) -> None:
         model = descent.model

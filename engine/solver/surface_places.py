@@ -255,20 +255,21 @@ class TilePlaces:
         self._middle = _tile_middles(facets)[1]
 
     def draw(self, share: np.ndarray, count: int) -> Spots:
-        """Return ``count`` places that are spread evenly over a share of every tile, shape ``[tile_count]``."""
-        tile = middles_of_strata(self._middle, share, count)
+        """Return ``count`` places that are spread evenly over a share of every tile, shape ``[tile_count]``; others every time."""
+        tile = middles_of_strata(self._middle, share, count, self._rng.random())
         facet = self._facet[tile]
         within = 0.3 * (self._rng.random((count, 2)) - 0.5) / self._facets.cuts[facet][:, None]
         return facet.astype(np.int32), (self._weight[tile, 1:] + within).astype(np.float32)
 
 
-def middles_of_strata(position: np.ndarray, weight: np.ndarray, count: int) -> np.ndarray:
+def middles_of_strata(position: np.ndarray, weight: np.ndarray, count: int, phase: float = 0.0) -> np.ndarray:
     """Cut things into as many strata of equal weight, and return the one in the middle of each.
 
     Args:
         position: Where they are, in the order of a curve that neighbors in space are near to each other on, shape ``[n, 3]``.
         weight: Of each, 0 or more, shape ``[n]``.
         count: How many strata.
+        phase: By how much of a stratum they are shifted along the curve, 0 to 1.
 
     Returns:
         Their numbers, shape ``[count]``: all different where none has more than the weight of a stratum.
@@ -278,10 +279,11 @@ def middles_of_strata(position: np.ndarray, weight: np.ndarray, count: int) -> n
     running = np.cumsum(weight)
     share = running[-1] / count
     # Whoever lies across the middle of a stratum along the curve is in it, unless it is larger.
-    result = np.minimum(np.searchsorted(running, (np.arange(count) + 0.5) * share, side="right"), len(running) - 1)
+    along = (np.arange(count) + 0.5 - phase) % count
+    result = np.minimum(np.searchsorted(running, along * share, side="right"), len(running) - 1)
     has_weight = np.flatnonzero(weight > 0.0)
     own = weight[has_weight]
-    stratum = np.minimum(((running[has_weight] - 0.5 * own) / share).astype(int), count - 1)
+    stratum = ((running[has_weight] - 0.5 * own) / share + phase).astype(int) % count
     total = np.bincount(stratum, own, count)
     place = position[has_weight]
     middle = np.stack([np.bincount(stratum, own * axis, count) / np.maximum(total, 1e-300) for axis in place.T], axis=1)

@@ -36,7 +36,7 @@ def settle_on_surface(descent: SurfaceDescent, source: np.ndarray, left: np.ndar
 
 
 class _HeldOnSurface(Held):
-    """See :func:`settle_on_surface`."""
+    """Those of a descent of a surface before its first step; see :func:`settle_on_surface` for the others."""
 
     def __init__(self, descent: SurfaceDescent, source: np.ndarray, left: np.ndarray) -> None:
         self._descent = descent
