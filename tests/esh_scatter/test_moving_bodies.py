@@ -28,15 +28,16 @@ def job():
 
 def test_bodies_are_seen_on_the_surface_in_the_colors_of_their_classes(job, monkeypatch):
     monkeypatch.setattr(moving_bodies, "MOST_PER_SECOND", 1e9)
-    bodies, seen = MovingBodies(job), []
+    bodies, at_step = MovingBodies(job), {}
 
     def progress(now):
         bodies.see(now)
-        # Of few bodies, starts are tried before the first step.
+        # Of few bodies, starts are tried before the first step; on a slow machine the last step is told of again.
         if now.step:
-            seen.append(bodies.points.copy())
+            at_step[now.step] = bodies.points.copy()
 
     job.solve(progress)
+    seen = list(at_step.values())
     assert len(seen) == 8 and all(points.shape == (50, 3) for points in seen)
     assert np.abs(seen[1] - seen[0]).max() > 0.0, "they move"
     end = job.chart.surface_points(job.placement.position).position
