@@ -53,7 +53,8 @@ BUTTONS = {
 # What needs a window, an asset browser or a file, and what changes nothing of the file.
 ELSEWHERE = {
     *("instances_edit", "instances_select_pinned", "layer_paint", "frame_overlap"),
-    *("scatter_assets", "classes_from_assets", "source_from_asset", "preset_from_asset", "presets_as_assets"),
+    *("scatter_assets", "classes_from_assets", "source_from_asset", "source_from_shelf"),
+    *("preset_from_asset", "presets_as_assets"),
     *("preset_import", "preset_export"),
     *("stop", "keep"),
 }
