@@ -9,8 +9,8 @@ import warp as wp
 
 from . import kernels_plane_settling
 from .carried_over import CarriedInPlane
-from .descent import STEP_LIMIT, Descent
-from .settling import HELD_WITHIN, LOCALLY, MOST_FREE, Held, settle
+from .descent import Descent
+from .settling import Held, most_free, reach, settle
 
 __all__ = ["settle_in_plane"]
 
@@ -38,15 +38,14 @@ class _HeldInPlane(Held):
         model = descent.model
         self._descent = descent
         self.body_count = model.body_count
-        self.most_free = max(MOST_FREE * model.body_count, FREE_FOR_EACH * max(len(carried.came), len(carried.went)))
+        self.most_free = most_free(model.body_count, max(len(carried.came), len(carried.went)), FREE_FOR_EACH)
         width, height = model.size
-        spacing = math.sqrt(width * height / model.body_count)
-        reach = kernels_plane_settling.Reach()
-        reach.mesh, reach.limit = descent.field.mesh, descent.step_limit
-        reach.within, reach.locally = HELD_WITHIN * spacing, HELD_WITHIN * LOCALLY / STEP_LIMIT
+        where = kernels_plane_settling.Reach()
+        where.mesh, where.limit = descent.field.mesh, descent.step_limit
+        where.within, where.locally = reach(width * height, model.body_count)
         start = wp.clone(descent.state.pose)
-        self._where = [start, carried.sources, self._near(carried.changes, CELL_OVER_SPACING * spacing), reach]
-        self._where.append(model.space.for_kernels())
+        cells = self._near(carried.changes, CELL_OVER_SPACING * math.sqrt(width * height / model.body_count))
+        self._where = [start, carried.sources, cells, where, model.space.for_kernels()]
 
     def count_moved(self, moved: wp.array) -> None:
         """See :meth:`.Held.count_moved`."""

@@ -8,6 +8,7 @@ never does.
 
 from __future__ import annotations
 
+import math
 from typing import Protocol
 
 import numpy as np
@@ -15,8 +16,9 @@ import warp as wp
 
 from ..device.launcher import Launcher, Recording
 from . import kernels_settling
+from .descent import STEP_LIMIT
 
-__all__ = ["HELD_WITHIN", "LOCALLY", "MOST_FREE", "Held", "settle"]
+__all__ = ["Held", "most_free", "reach", "settle"]
 
 # Bodies settle for so many steps, the fewer the more of them there are, and are held in a few more before those that an edit is asked
 # for. Measured on strokes over a twentieth of a photograph that leave a fifth or half of its density, and the count as it was, by the
@@ -31,6 +33,16 @@ HELD_WITHIN, LOCALLY = 0.098, 1.5
 # Share of all bodies that may move farther, unless more than a tenth of all came or went. Measured: with 0.24 the errors above are
 # 0.02 less, and a twentieth more of the bodies move that are far from the stroke.
 MOST_FREE = 0.2
+
+
+def reach(area: float, body_count: int) -> tuple[float, float]:
+    """Return how far bodies that are held on an area may go, and how many step limits where these are less."""
+    return HELD_WITHIN * math.sqrt(area / body_count), HELD_WITHIN * LOCALLY / STEP_LIMIT
+
+
+def most_free(body_count: int, changed: int, for_each: float) -> float:
+    """Return how many bodies may go farther, where so many came or went, each of which may have so many others move."""
+    return max(MOST_FREE * body_count, for_each * changed)
 
 
 class Held(Protocol):

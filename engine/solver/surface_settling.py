@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import warp as wp
 
 from . import kernels_surface_settling
-from .descent import STEP_LIMIT
-from .settling import HELD_WITHIN, LOCALLY, MOST_FREE, Held, settle
+from .settling import Held, most_free, reach, settle
 from .surface_descent import SurfaceDescent
 
 __all__ = ["settle_on_surface"]
@@ -41,13 +38,12 @@ class _HeldOnSurface(Held):
     def __init__(self, descent: SurfaceDescent, source: np.ndarray, left: np.ndarray) -> None:
         self._descent = descent
         self.body_count = len(source)
-        self.most_free = max(MOST_FREE * len(source), FREE_FOR_EACH * max(len(left), int((source < 0).sum())))
+        self.most_free = most_free(len(source), max(len(left), int((source < 0).sum())), FREE_FOR_EACH)
         launcher, charges = descent.launcher, descent.charges
         sources = launcher.array(source.astype(np.int32), wp.int32)
         start = kernels_surface_settling.Start()
         start.position, start.home = wp.clone(charges.points.position), wp.clone(charges.home)
-        start.within = HELD_WITHIN * math.sqrt(float(descent.facets.area.sum()) / self.body_count)
-        start.locally = HELD_WITHIN * LOCALLY / STEP_LIMIT
+        start.within, start.locally = reach(float(descent.facets.area.sum()), self.body_count)
         start.near = self._near(sources, launcher.array(left.astype(np.int32), wp.int32))
         self._where = [sources, descent.bodies, start, descent.ground]
 

@@ -20,11 +20,11 @@ from ..editing.assets import (
     selected_assets,
     text_of_assets,
 )
-from ..properties.scene import active_scatter, selected_scatter
+from ..properties.scene import selected_class, selected_scatter
 from ..result.scene_units import sentence
 from ..targets.target import members_of
 from .classes_from import ClassesFromObjects
-from .edit import Edit, ground_in, stood_on
+from .edit import ClassEdit, Edit, ground_in, stood_on
 from .run import ScatterObjects
 
 __all__ = ["CLASSES", "SHELF"]
@@ -89,24 +89,16 @@ class ESH_OT_classes_from_assets(ClassesFromObjects):
         return self._add(context, [item for item in items if item not in targets])
 
 
-class ESH_OT_source_from_asset(Edit):
+class ESH_OT_source_from_asset(ClassEdit):
     """Have the selected class place the asset that is active in the asset browser"""
 
     bl_idname = "esh.source_from_asset"
     bl_label = "Place This Asset"
-    _missing = "Select a class first"
 
     assets: _assets()
 
-    @staticmethod
-    def _needs(context: bpy.types.Context) -> object:
-        scatter = active_scatter(context)
-        return scatter and scatter.active_class
-
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Choose it."""
-        body_class = selected_scatter(context).active_class
-        assert body_class is not None
         try:
             given = assets_from_text(self.assets) if self.assets else _placed(context)[:1]
             self.assets = text_of_assets(given)
@@ -117,16 +109,15 @@ class ESH_OT_source_from_asset(Edit):
         if item is None:
             self.report({"ERROR"}, _SELECT_ASSETS)
             return {"CANCELLED"}
-        (body_class.active_size or body_class.add_size()).place(item)
+        _place(context, item)
         return {"FINISHED"}
 
 
-class ESH_OT_source_from_shelf(Edit):
+class ESH_OT_source_from_shelf(ClassEdit):
     """Choose an object or a collection of the asset libraries, which the selected class places from then on"""
 
     bl_idname = "esh.source_from_shelf"
     bl_label = "Choose Asset"
-    _missing = "Select a class first"
 
     # By these names, and with these numbers, a shelf tells its operator which asset was clicked.
     asset_library_type: EnumProperty(
@@ -142,11 +133,6 @@ class ESH_OT_source_from_shelf(Edit):
     asset_library_identifier: StringProperty(name="Library", options={"HIDDEN", "SKIP_SAVE"})
     relative_asset_identifier: StringProperty(name="Asset", options={"HIDDEN", "SKIP_SAVE"})
 
-    @staticmethod
-    def _needs(context: bpy.types.Context) -> object:
-        scatter = active_scatter(context)
-        return scatter and scatter.active_class
-
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Show the assets where none was clicked."""
         if self.relative_asset_identifier:
@@ -155,8 +141,6 @@ class ESH_OT_source_from_shelf(Edit):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Choose it."""
-        body_class = selected_scatter(context).active_class
-        assert body_class is not None
         try:
             item = bring_in(
                 asset_of_library(self.asset_library_type, self.asset_library_identifier, self.relative_asset_identifier)
@@ -164,7 +148,7 @@ class ESH_OT_source_from_shelf(Edit):
         except EshError as error:
             self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}
-        (body_class.active_size or body_class.add_size()).place(item)
+        _place(context, item)
         return {"FINISHED"}
 
 
@@ -230,6 +214,12 @@ class ESH_OT_presets_as_assets(Edit):
         _turn_to(context, library.name)
         self.report({"INFO"}, f'The presets are in the asset library "{library.name}". Drag one onto the ground')
         return {"FINISHED"}
+
+
+def _place(context: bpy.types.Context, item: bpy.types.Object | bpy.types.Collection) -> None:
+    """Have the selected class place something from now on."""
+    body_class = selected_class(context)
+    (body_class.active_size or body_class.add_size()).place(item)
 
 
 def _placed(context: bpy.types.Context) -> list[Asset]:

@@ -12,6 +12,7 @@ __all__ = ["CLASSES", "draw_choice_of_asset"]
 class ESH_AST_assets(bpy.types.AssetShelf):
     """The assets that can be placed, for the sidebar's button and at the foot of the viewport, where it begins hidden."""
 
+    bl_idname = SHELF
     bl_space_type = "VIEW_3D"
     bl_activate_operator = "ESH_OT_source_from_shelf"
     bl_default_preview_size = 64
@@ -34,5 +35,3 @@ def draw_choice_of_asset(layout: bpy.types.UILayout) -> None:
 
 
 CLASSES = (ESH_AST_assets,)
-
-assert CLASSES[0].__name__ == SHELF
