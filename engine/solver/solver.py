@@ -302,7 +302,8 @@ class Solver:
 
         Other densities, counts, sizes, classes, obstacles and fixed bodies are followed. Where a class's density fell, its surplus is
         taken out, and set down where it rose. Then bodies settle, four fifths of them within a tenth of a spacing of where they were,
-        fewer where more than a tenth of all came or went: see :mod:`.settling`. Bodies keep their :attr:`Placement.id`.
+        fewer where more than a tenth of all came or went, or outlines that cover half of the ground are parted: see :mod:`.settling`.
+        Bodies keep their :attr:`Placement.id`.
 
         Args:
             problem: What is to be placed now. Classes and sizes are the same as before if their names are; a fixed body with the
