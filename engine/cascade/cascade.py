@@ -19,57 +19,27 @@ Units: the solver's length unit is the spacing that the average body sees, its c
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
-from ..device.running_sum import running_sum
 from ..space.cell_sort import CellSort
 from ..surface import kernels_facets
 from ..surface.facets import Facets
 from . import kernels_cascade, kernels_points
-from .beyond_edges import with_nodes_beyond_edges
 from .kernels_points import Points
-from .points import (
-    Lists,
-    alike,
-    chosen,
-    empty_points,
-    grid_of,
-    lists_of,
-    nearest_of,
-    runs_of,
-    taken,
-    thinned,
-)
+from .nodes import NEAR_REACH, Nodes, homed
+from .points import Lists, alike, chosen, empty_points, grid_of, nearest_of, taken, thinned
 from .softness import Softness, near_force, near_terms
 
 __all__ = ["Cascade"]
 
-# Distance of nodes over the level's length, and how much farther a home may be.
-NODE_DISTANCE = 0.7
-HOME_REACH = 1.5
-# How far a home may be of charges where there is no density.
-FAR_HOME_REACH = 6.0
-# A turn of the surface counts as so many of the level's lengths when a home is looked for.
-HOME_TURN = 2.0
-# Width of the weights over the level's length, and where they end; a home is nearer than the second.
-WIDTH = 0.8
-WEIGHT_REACH = math.sqrt(kernels_cascade.REACH_SQUARED)
-HOME_DISTANCE = 0.8
-# A Gaussian of a level ends at this many of its widths.
-OCTAVE_REACH = 3.5
-# The near part: where it ends over the width of its widest Gaussian; octaves of the target's, and entries of its table.
-NEAR_REACH = 3.6
+# The near part: octaves of the target's, and entries of its table.
 NEAR_OCTAVES = 13
 TABLE_SIZE = 2048
-# Nodes whose normals are farther apart see nothing of each other.
-LEAST_COSINE = -0.95
 # Where charges are points, the target of the near part is blurred by this share of the spacing: bodies cannot resolve more, and would
 # crowd along its edges.
 BLUR = 0.37
@@ -91,22 +61,6 @@ SOURCE_DISTANCE = 0.3
 MANY_SOURCES = 4.0
 # Largest variance of the blur of a charge, in squared lengths: what is blurred more is still seen where the near part ends.
 WIDEST_VARIANCE = 0.3
-# Fewer nodes need no coarser ones.
-FEWEST_NODES = 12
-
-
-@dataclass(frozen=True, eq=False)
-class _Level:
-    """Nodes of an octave: which of them see each other how, and what is shared out among the next, coarser ones."""
-
-    octave: Lists
-    octave_value: wp.array
-    charge: wp.array
-    potential: wp.array
-    up: Lists | None = None
-    up_value: wp.array | None = None
-    down: Lists | None = None
-    down_value: wp.array | None = None
 
 
 class _Parts:
@@ -187,8 +141,10 @@ class Cascade:
         charge_group: Its group, shape ``[n]``.
         length: Spacing that it is to resolve, in units.
         softness: How soft charges are; None for points, before a target that is blurred a little.
+        nodes: Those of the same surface before, which are taken again if they will do.
 
     Attributes:
+        nodes: What charges are shared out among.
         home: Node that is the home of charges on a tile, ``wp.int32``, shape ``[tile_count]``. Where no image asks for any, and no
             node is near, it is the first: too far away to do anything.
         node_count: Number of nodes of the first level.
@@ -209,6 +165,7 @@ class Cascade:
         charge_group: np.ndarray,
         length: float = 1.0,
         softness: Softness | None = None,
+        nodes: Nodes | None = None,
     ) -> None:
         self.launcher, self._length, self._softness = launcher, length, softness
         self._following = None if softness is None else softness.following
@@ -229,24 +186,11 @@ class Cascade:
         )
         is_full = share.max(axis=0) > 0.0
         parts = _Parts(launcher, facets, on_device, is_full, [*share, facets.tile_area], LARGE_TILE * length**2)
-        sources = tiles if is_full.all() else chosen(launcher, tiles, parts.tile[0])
-        width = WIDTH * length
-        apart = NODE_DISTANCE * length
-        on_surface = chosen(launcher, sources, thinned(launcher, sources, apart))
-        self._nodes, place = with_nodes_beyond_edges(
-            launcher, facets, on_device, on_surface, apart=apart, reach=WEIGHT_REACH * width, length=length
-        )
-        nodes = self._nodes
-        self.node_count = len(nodes.position)
-        self.home = self._homes(tiles, is_full, (parts.tile[0], sources), on_surface, place)
-        self._weights = _weights_of(launcher, nodes, width, length)
-        cutoff = NEAR_REACH / math.sqrt(2.0) * length
-        numbers, relations = facets.relations.behind(np.zeros(1), int(facets.label.max()) + 1, length)
-        self._related = launcher.array(numbers, wp.int32), relations
-        reach = cutoff + 2.0 * NODE_DISTANCE * length
-        pairs = runs_of(launcher, lists_of(launcher, nodes, nodes, reach, LEAST_COSINE, self._related), nodes)
+        self.nodes, self.home = self._serving(nodes, facets, tiles, is_full)
+        self.node_count = self.nodes.count
+        self._weights, pairs = self.nodes.weights, self.nodes.pairs
         self._nearby = kernels_cascade.NearPart()
-        self._nearby.start, self._nearby.near, self._nearby.cutoff = pairs.start, pairs.entry, cutoff
+        self._nearby.start, self._nearby.near, self._nearby.cutoff = pairs.start, pairs.entry, self.nodes.cutoff
         self._nearby.interaction = self._interaction
         same_where_full = uniform
         if not is_full.all():
@@ -256,8 +200,12 @@ class Cascade:
         self._find_near_target(facets, tiles, parts, attraction, self._make_table(uniform), charge, charge_group)
         target = attraction @ self.node_share
         self._target = wp.array(target.T.ravel(), dtype=float, device=device)
-        self._make_levels(nodes, facets.extent * math.sqrt(3.0))
-
+        counts = [level.count for level in self.nodes.levels]
+        self._charges = [launcher.empty(count * self.group_count, float) for count in counts]
+        # Kernels read beyond their ends: see LANES.
+        self._potentials = [
+            launcher.zeros((count + kernels_cascade.LANES) * self.group_count, float) for count in counts
+        ]
         n = len(charge)
         self._sort = CellSort(launcher, n, self.node_count)
         self._sorted = _room_for_sorted(launcher, n)
@@ -277,22 +225,22 @@ class Cascade:
         launch, n = self.launcher.launch, len(self._charge)
         with self.launcher.phase("sort"):
             self._sort.sort(kernels_cascade.find_homes, [home])
-        homed = _homed(charges, home, self._sort)
+        at_home = homed(charges, home, self._sort)
         with self.launcher.phase("deposit"):
             launch(
                 kernels_cascade.fit_rows,
                 n,
-                [homed, self._charge, self._group, self._weights],
+                [at_home, self._charge, self._group, self._weights],
                 [self._sorted],
                 grain=GRAIN_OF_NEIGHBORS,
             )
             if self._variance is not None:
-                inputs = [homed.order, self._charge_share, facet, weight, self._variance, self._facets]
+                inputs = [at_home.order, self._charge_share, facet, weight, self._variance, self._facets]
                 launch(kernels_cascade.blur_charges, n, inputs, [self._sorted])
             launch(
                 kernels_cascade.deposit,
                 self.node_count,
-                [self._sorted, homed.start, self._weights, self.group_count],
+                [self._sorted, at_home.start, self._weights, self.group_count],
                 [self._node_charge],
                 grain=GRAIN_OF_NEIGHBORS,
             )
@@ -303,10 +251,10 @@ class Cascade:
                 kernels_cascade.evaluate,
                 n,
                 [
-                    homed,
+                    at_home,
                     self._sorted,
                     self._weights,
-                    self._levels[0].potential,
+                    self._potentials[0],
                     self.group_count,
                     self._nearby,
                     facet,
@@ -321,7 +269,7 @@ class Cascade:
     @property
     def neighbors(self) -> Lists:
         """Nodes within about three lengths of every node, each with itself."""
-        return self._levels[0].octave
+        return self.nodes.levels[0].octave
 
     def set_offset(self, offset: np.ndarray) -> None:
         """Give every group a potential of its own at every node, shape ``[group_count, node_count]``, that is added to the others."""
@@ -329,12 +277,13 @@ class Cascade:
 
     def _cascade(self) -> None:
         """From the charges at the nodes to the potential there."""
-        levels, groups = self._levels, self.group_count
+        levels, groups = self.nodes.levels, self.group_count
+        charge, potential = self._charges, self._potentials
         self.launcher.launch(
             kernels_cascade.mix_groups,
             self.node_count * groups,
             [self._interaction, groups, self._target, self._node_charge],
-            [levels[0].charge],
+            [charge[0]],
         )
 
         def multiply(lists: Lists | None, value: wp.array, column: wp.array, add: int, result: wp.array) -> None:
@@ -347,35 +296,30 @@ class Cascade:
                 grain=GRAIN_OF_NEIGHBORS,
             )
 
-        for fine, coarse in itertools.pairwise(levels):
-            multiply(fine.down, fine.down_value, fine.charge, 0, coarse.charge)
-        self.launcher.launch(kernels_cascade.begin_with, len(self._offset), [self._offset], [levels[0].potential])
+        for number, fine in enumerate(levels[:-1]):
+            multiply(fine.down, fine.down_value, charge[number], 0, charge[number + 1])
+        self.launcher.launch(kernels_cascade.begin_with, len(self._offset), [self._offset], [potential[0]])
         for number in reversed(range(len(levels))):
             level = levels[number]
-            multiply(level.octave, level.octave_value, level.charge, int(number == 0), level.potential)
+            multiply(level.octave, level.octave_value, charge[number], int(number == 0), potential[number])
             if level.up is not None:
-                multiply(level.up, level.up_value, levels[number + 1].potential, 1, level.potential)
+                multiply(level.up, level.up_value, potential[number + 1], 1, potential[number])
 
-    def _homes(
-        self, tiles: Points, is_full: np.ndarray, full: tuple[wp.array, Points], on_surface: Points, place: wp.array
-    ) -> wp.array:
-        """Homes of tiles, ``wp.int32``: nodes on the surface, whose numbers among all nodes are ``place``.
-
-        ``full`` are the numbers of those that are full, and their middles.
-        """
-        launcher, length = self.launcher, self._length
-        result = launcher.zeros(len(tiles.position), wp.int32)
-
-        def find(own: wp.array, points: Points, reach: float, turn: float) -> None:
-            near = nearest_of(launcher, points, on_surface, reach, turn)
-            launcher.launch(kernels_cascade.settle, len(own), [own, near, place], [result])
-
-        find(*full, HOME_REACH * length, HOME_TURN * length)
-        if not is_full.all():
-            # What is fixed may lie there, and ends of lines.
-            empty = _places(launcher, ~is_full)
-            find(empty, chosen(launcher, tiles, empty), FAR_HOME_REACH * length, 0.0)
-        return result
+    def _serving(
+        self, nodes: Nodes | None, facets: Facets, tiles: Points, is_full: np.ndarray
+    ) -> tuple[Nodes, wp.array]:
+        """Nodes, those that are given if they will do, and the homes of tiles among them."""
+        launcher = self.launcher
+        full, empty = _places(launcher, is_full), _places(launcher, ~is_full)
+        if nodes is not None and nodes.length == self._length:
+            home = nodes.homes(tiles, full, empty, made_for_others=True)
+            if home is not None:
+                return nodes, home
+        middles = tiles if is_full.all() else chosen(launcher, tiles, full)
+        nodes = Nodes(launcher, facets, self._facets, middles, self._length)
+        home = nodes.homes(tiles, full, empty)
+        assert home is not None
+        return nodes, home
 
     def _make_table(self, uniform: np.ndarray) -> kernels_cascade.NearTable:
         """The near part between a charge and the target, up to where it ends: octaves of Gaussians, blurred as every image needs."""
@@ -462,7 +406,7 @@ class Cascade:
         force = launcher.empty(len(shares) * columns * len(first), wp.vec3)
         for number, share in enumerate(shares.tolist()):
             place = number * columns * len(first)
-            inputs = [corners, sources, *self._related, columns, source_count, table, variance, share, place]
+            inputs = [corners, sources, *self.nodes.related, columns, source_count, table, variance, share, place]
             launcher.launch(kernels_cascade.near_target, len(first), inputs, [force], grain=GRAIN_OF_NEIGHBORS)
         everywhere = launcher.empty(len(shares) * columns * count, wp.vec3)
         launcher.launch(
@@ -541,7 +485,7 @@ class Cascade:
             homes = taken(launcher, tile, self.home)
             sort = CellSort(launcher, count, self.node_count)
             sort.sort(kernels_cascade.find_homes, [homes])
-            homed = _homed(parts.quarter(number), homes, sort)
+            at_home = homed(parts.quarter(number), homes, sort)
             if in_order is None or len(in_order.group) != count:
                 in_order = _room_for_sorted(launcher, count)
             group = launcher.zeros(count, wp.int32)
@@ -549,7 +493,7 @@ class Cascade:
                 launcher.launch(
                     kernels_cascade.fit_rows,
                     count,
-                    [homed, parts.amounts(number, column), group, self._weights],
+                    [at_home, parts.amounts(number, column), group, self._weights],
                     [in_order],
                     grain=GRAIN_OF_NEIGHBORS,
                 )
@@ -557,70 +501,13 @@ class Cascade:
                 launcher.launch(
                     kernels_cascade.deposit,
                     self.node_count,
-                    [in_order, homed.start, self._weights, 1],
+                    [in_order, at_home.start, self._weights, 1],
                     [received],
                     grain=GRAIN_OF_NEIGHBORS,
                 )
                 result[column] += received.numpy()
         result[:-1][uniform] = total[uniform, None] / parts.area * result[-1]
         return result[:-1], result[-1]
-
-    def _make_levels(self, nodes: Points, diagonal: float) -> None:
-        """Make nodes for one octave after the other, until one is as wide as the surface."""
-        launcher, self._levels = self.launcher, []
-        length = self._length
-        width = WIDTH * length
-        while True:
-            octave = math.sqrt(2.0) * length
-            # What the weights on both ways blur is left out of the Gaussian.
-            rest = math.sqrt(octave**2 - 2.0 * width**2)
-            near = lists_of(launcher, nodes, nodes, min(OCTAVE_REACH * rest, 2.0 * diagonal), LEAST_COSINE)
-            value = launcher.empty(len(near.entry), float)
-            count = len(nodes.position)
-            height = math.log(2.0) * (octave / rest) ** 2
-            launcher.launch(kernels_cascade.weigh_octave, count, [nodes, near.start, near.entry, rest, height], [value])
-            charge = launcher.empty(count * self.group_count, float)
-            # Kernels read beyond its end: see LANES.
-            potential = launcher.zeros((count + kernels_cascade.LANES) * self.group_count, float)
-            if octave > diagonal or count < FEWEST_NODES:
-                self._levels.append(_Level(near, value, charge, potential))
-                return
-            kept = thinned(launcher, nodes, 2.0 * NODE_DISTANCE * length, crowded=False)
-            coarse = chosen(launcher, nodes, kept)
-            wider = math.sqrt(3.0) * width
-            up, up_value, down, down_value = self._between(nodes, coarse, 2.0 * length, wider)
-            self._levels.append(_Level(near, value, charge, potential, up, up_value, down, down_value))
-            nodes, length, width = coarse, 2.0 * length, 2.0 * width
-
-    def _between(self, fine: Points, coarse: Points, length: float, width: float) -> tuple:
-        """What finer nodes share out among coarser ones, as lists by both."""
-        launcher = self.launcher
-        count, coarse_count = len(fine.position), len(coarse.position)
-        weights = _weights_of(launcher, coarse, width, length)
-        # There is one: the finer nodes were thinned out to these. Lists by home and by node agree only where it is no farther.
-        home = nearest_of(launcher, fine, coarse, HOME_DISTANCE * length, HOME_TURN * length)
-        sort = CellSort(launcher, count, coarse_count)
-        sort.sort(kernels_cascade.find_homes, [home])
-        homed = _homed(fine, home, sort)
-        row = launcher.empty(count, kernels_cascade.Row)
-        launcher.launch(kernels_cascade.fit_rows_in_place, count, [homed, weights], [row], grain=GRAIN_OF_NEIGHBORS)
-        result = []
-        for to_nodes, number in ((0, count), (1, coarse_count)):
-            found = launcher.empty(number, wp.int32)
-            launcher.launch(
-                kernels_cascade.count_shares, number, [to_nodes, homed, weights], [found], grain=GRAIN_OF_NEIGHBORS
-            )
-            start, total = running_sum(launcher, found)
-            entry, value = launcher.empty(max(total, 1), wp.int32), launcher.empty(max(total, 1), float)
-            launcher.launch(
-                kernels_cascade.list_shares,
-                number,
-                [to_nodes, homed, row, weights, start],
-                [entry, value],
-                grain=GRAIN_OF_NEIGHBORS,
-            )
-            result += [Lists(start, entry), value]
-        return tuple(result)
 
 
 def _places(launcher: Launcher, mask: np.ndarray) -> wp.array:
@@ -634,27 +521,9 @@ def _same_everywhere(share: np.ndarray, area: np.ndarray) -> np.ndarray:
     return ratio.max(axis=1) - ratio.min(axis=1) <= SAME_SHARE * ratio.max(axis=1)
 
 
-def _homed(points: Points, home: wp.array, sort: CellSort) -> kernels_cascade.Homed:
-    """Points with their homes, as they are sorted by these."""
-    homed = kernels_cascade.Homed()
-    homed.points, homed.home, homed.order, homed.start = points, home, sort.order, sort.cell_start
-    return homed
-
-
 def _room_for_sorted(launcher: Launcher, count: int) -> kernels_cascade.SortedCharges:
     """Room for charges in the order of their homes."""
     charges = kernels_cascade.SortedCharges()
     charges.group = launcher.empty(count, wp.int32)
     charges.plane = launcher.zeros(kernels_cascade.CHARGE_PLANES * count + kernels_cascade.LANES, float)
     return charges
-
-
-def _weights_of(launcher: Launcher, nodes: Points, width: float, length: float) -> kernels_cascade.Weights:
-    """What points are shared out among: nodes of a level of a length, by weights of a width."""
-    near = runs_of(launcher, lists_of(launcher, nodes, nodes, WEIGHT_REACH * width + HOME_DISTANCE * length), nodes)
-    weights = kernels_cascade.Weights()
-    weights.nodes, weights.start, weights.near, weights.width = nodes, near.start, near.entry, width
-    count = len(nodes.position)
-    weights.plane = launcher.zeros(kernels_cascade.NODE_PLANES * count + kernels_cascade.LANES, float)
-    launcher.launch(kernels_cascade.fill_planes, count, [nodes], [weights.plane])
-    return weights

@@ -185,6 +185,7 @@ class Descent:
             move=launcher.zeros(n, wp.vec4),
             length_factor=self.rules.lines.length_factor,
             steps=np.zeros(1, np.int32),
+            unit=np.array([model.unit]),
         )
 
     def _first_turns(self) -> wp.array:

@@ -44,6 +44,7 @@ from .plane_settling import settle_in_plane
 from .rare_start import rare_starts
 from .spread import Spreading
 from .state import State
+from .state_arrays import StateArrays
 from .surface_descent import SurfaceDescent
 from .surface_edit import carry_over_on_surface
 from .surface_placement import points_of
@@ -348,7 +349,7 @@ class Solver:
         Returns the identities of bodies that are new, and gone; and what takes the steps after the edit.
         """
         before, old = self.model, before_edit.state
-        model = Model(problem)
+        model = Model(problem, unit=before.unit)
         self._name_fixed(before, model)
         points = points_of(self.launcher, before_edit.facets, old)
         self._spreads += 1
@@ -363,7 +364,7 @@ class Solver:
             made.append((carried, new.take_over(carried.source, spots, before, old)))
 
         self._let_go(before_edit)
-        self.model, self.descent = model, SurfaceDescent(model, self.launcher, start)
+        self.model, self.descent = model, SurfaceDescent(model, self.launcher, start, before_edit)
         carried, stood = made[0]
         take_steps = partial(settle_on_surface, self.descent, stood, carried.left)
         return model.body.identity[carried.source < 0], before.body.identity[carried.gone], take_steps
@@ -465,10 +466,15 @@ class Solver:
         """Go on from another state of the same problem."""
         if self._leave_beyond():
             self.descent = Descent(self.model, self.launcher)
-        if isinstance(self.descent, SurfaceDescent):
-            self.descent.state.assign(check_is(state, SurfaceState, "`state`"))
-        else:
-            self.descent.state.assign(check_is(state, State, "`state`"))
+        on_surface = isinstance(self.descent, SurfaceDescent)
+        check_is(state, SurfaceState if on_surface else State, "`state`")
+        if state.unit[0] != self.model.unit:
+            # One that has seen edits may be in that of the problem before them.
+            self._let_go(self.descent)
+            self.model = self.model.in_unit(float(state.unit[0]))
+            self.descent = (SurfaceDescent if on_surface else Descent)(self.model, self.launcher)
+        own: StateArrays = self.descent.state
+        own.assign(state)
         self.descent.place_charges()
 
     def start_at(

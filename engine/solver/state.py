@@ -25,6 +25,7 @@ class State(StateArrays):
         move: What the forces asked for in the last step, ``wp.vec4``, shape ``[body_count]``.
         length_factor: What makes up for the pressure of the charges in the length of every kind of line, float.
         steps: Steps taken, shape ``[1]``, int32, on the host.
+        unit: Meters per unit of length, shape ``[1]``, on the host.
     """
 
     pose: wp.array
@@ -34,6 +35,7 @@ class State(StateArrays):
     move: wp.array
     length_factor: wp.array
     steps: np.ndarray
+    unit: np.ndarray
 
     KINDS: ClassVar[dict[str, type]] = {
         "pose": wp.vec4,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -13,18 +12,24 @@ __all__ = ["StateArrays"]
 
 
 class StateArrays:
-    """Base of a dataclass whose fields are arrays of Warp, of the ``KINDS`` that it says, and ``steps``."""
+    """Base of a dataclass whose fields are arrays of Warp, of the ``KINDS`` that it says, and two on the host.
+
+    Attributes:
+        steps: Steps taken, shape ``[1]``, int32.
+        unit: Meters per unit of length, shape ``[1]``.
+    """
 
     KINDS: ClassVar[dict[str, type]] = {}
     steps: np.ndarray
+    unit: np.ndarray
 
     def copy(self) -> Self:
         """A state of its own with the same values, on the same device."""
         copies: dict[str, Any] = {name: wp.clone(array) for name, array in self._arrays().items()}
-        return type(self)(**copies | {"steps": self.steps.copy()})
+        return type(self)(**copies | {"steps": self.steps.copy(), "unit": self.unit.copy()})
 
     def assign(self, other: Self) -> None:
-        """Take over the values of another state, of the same shapes; it may be on another device."""
+        """Take over the values of another state, of the same shapes and unit; it may be on another device."""
         for name, array in self._arrays().items():
             given = getattr(other, name)
             if given.shape != array.shape:
@@ -34,7 +39,9 @@ class StateArrays:
 
     def save(self, path: str | Path) -> None:
         """Write the state as `.npz`."""
-        np.savez(path, steps=self.steps, **{name: array.numpy() for name, array in self._arrays().items()})
+        np.savez(
+            path, steps=self.steps, unit=self.unit, **{name: array.numpy() for name, array in self._arrays().items()}
+        )
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -43,7 +50,7 @@ class StateArrays:
             arrays: dict[str, Any] = {
                 name: wp.array(stored[name], dtype=kind, device="cpu") for name, kind in cls.KINDS.items()
             }
-            return cls(**arrays | {"steps": stored["steps"].astype(np.int32)})
+            return cls(**arrays | {"steps": stored["steps"].astype(np.int32), "unit": stored["unit"]})
 
     def _arrays(self) -> dict[str, wp.array]:
-        return {field.name: getattr(self, field.name) for field in fields(self) if field.name != "steps"}  # type: ignore[arg-type]
+        return {name: getattr(self, name) for name in self.KINDS}

@@ -14,6 +14,7 @@ import numpy as np
 import warp as wp
 
 from ..cascade.cascade import Cascade
+from ..cascade.nodes import Nodes
 from ..cascade.points import empty_points
 from ..cascade.seen_from_afar import looks_other_from_afar, seen_from_afar
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
@@ -87,6 +88,7 @@ class SurfaceDescent:
         model: What is to be placed; its domain is a surface.
         launcher: Where to run.
         start: Says where bodies start, by the facets; None puts them on Hilbert curves.
+        before: Another descent on the same surface, whose nodes are taken again if they will do.
 
     Attributes:
         share: Share of every class's density on every tile, shape ``[class_count, tile_count]``.
@@ -101,7 +103,13 @@ class SurfaceDescent:
         step: A whole step, recorded.
     """
 
-    def __init__(self, model: Model, launcher: Launcher, start: Start | None = None) -> None:
+    def __init__(
+        self,
+        model: Model,
+        launcher: Launcher,
+        start: Start | None = None,
+        before: SurfaceDescent | None = None,
+    ) -> None:
         self.model, self.launcher = model, launcher
         surface = model.problem.domain
         assert isinstance(surface, Surface)
@@ -110,7 +118,8 @@ class SurfaceDescent:
         self.bodies = bodies_for_kernels(model, launcher)
         on_device = self.facets.for_kernels()
         # Contact and lines go by what the surface is from near.
-        if not keeps_apart(model) and not model.kinds and looks_other_from_afar(self.facets):
+        self._from_afar = not keeps_apart(model) and not model.kinds and looks_other_from_afar(self.facets)
+        if self._from_afar:
             on_device = seen_from_afar(launcher, self.facets, on_device, 1.0)
         asked = started = share
         fixed = None
@@ -136,6 +145,7 @@ class SurfaceDescent:
             charge=model.charge.charge,
             charge_group=model.body.group[model.charge.body],
             softness=softness,
+            nodes=self._nodes_of(before),
         )
         # What is blurred as its target is has no such bias.
         potential = None
@@ -171,6 +181,12 @@ class SurfaceDescent:
             self.contact = SurfaceContact(model, launcher, self.bodies, self.ground, self.poses, self.motion)
         self.place_charges()
         self.step = launcher.record(self.take_step)
+
+    def _nodes_of(self, before: SurfaceDescent | None) -> Nodes | None:
+        """The nodes of another descent, if it sees the surface as this one does."""
+        if before is None or before.model.unit != self.model.unit or before._from_afar != self._from_afar:
+            return None
+        return before.cascade.nodes
 
     def take_step(self) -> None:
         """Launch a whole step."""
@@ -522,6 +538,7 @@ class SurfaceDescent:
             turn=launcher.zeros(n, wp.vec2),
             length_factor=first_length_factors(self.launcher, self.rules.kind_count),
             steps=np.zeros(1, np.int32),
+            unit=np.array([model.unit]),
         )
 
 

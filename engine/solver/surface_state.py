@@ -31,6 +31,7 @@ class SurfaceState(StateArrays):
         turn: What the forces asked to change of them, ``wp.vec2``.
         length_factor: What makes up for the pressure of the charges in the length of every kind of line, float.
         steps: Steps taken, shape ``[1]``, int32, on the host.
+        unit: Meters per unit of length, shape ``[1]``, on the host.
     """
 
     facet: wp.array
@@ -44,6 +45,7 @@ class SurfaceState(StateArrays):
     turn: wp.array
     length_factor: wp.array
     steps: np.ndarray
+    unit: np.ndarray
 
     KINDS: ClassVar[dict[str, type]] = {
         "facet": wp.int32,

@@ -191,7 +191,7 @@ def test_what_lies_behind_the_last_node_does_not_count(launcher, groups):
     _, descent, found = forces(launcher, Problem(sphere(), classes))
     cascade = descent.cascade
     nodes = cascade.node_count
-    potential = cascade._levels[0].potential
+    potential = cascade._potentials[0]
     assert len(potential) >= (nodes + 7) * groups
     assert len(cascade._weights.plane) >= 6 * nodes + 7
     assert len(cascade._sorted.plane) >= 14 * len(found) + 7
@@ -251,12 +251,12 @@ def test_no_charge_is_lost_between_levels_beside_edges_of_several_parts(launcher
     problem = Problem(surface, [BodyClass("a", [Size("s", 1e-6, 2000)])])
     descent = SurfaceDescent(Model(problem), launcher)
     descent.take_step()
-    levels = descent.cascade._levels
-    assert len(levels) > 3
-    for level in levels:
-        assert abs(float(level.charge.numpy().sum())) < 0.02
+    charges = descent.cascade._charges
+    assert len(charges) > 3
+    for charge in charges:
+        assert abs(float(charge.numpy().sum())) < 0.02
     # There are nodes above the boxes, and none of them is the home of a body.
-    node = descent.cascade._nodes.position.numpy() * descent.facets.unit + descent.facets.middle
+    node = descent.cascade.nodes.points.position.numpy() * descent.facets.unit + descent.facets.middle
     assert node[:, 2].max() > 0.6
     home = np.unique(descent.cascade.home.numpy())
     assert node[home, 2].max() < 0.551
@@ -275,7 +275,7 @@ def test_levels_do_not_make_more_of_a_charge_where_the_surface_folds(launcher):
     ]
     surface = Surface(SurfaceMesh(np.concatenate([low, high, [[0, 0, 0], [0, 0, 0.8]]]), np.concatenate(faces)))
     descent = SurfaceDescent(Model(Problem(surface, [BodyClass("a", [Size("s", 1e-6, 2000)])])), launcher)
-    levels = descent.cascade._levels
+    levels = descent.cascade.nodes.levels
     assert len(levels) > 3
     for level in levels[:-1]:
         start, value = level.up.start.numpy(), level.up_value.numpy()

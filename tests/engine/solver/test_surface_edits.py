@@ -313,3 +313,57 @@ def test_strata_of_equal_weight_have_one_each_near_their_middles(phase):
     # What has no weight is never chosen; what is as heavy as several strata is chosen for each.
     assert set(middles_of_strata(position[:3], np.array([0.0, 1.0, 0.0]), 4, phase).tolist()) == {1}
     assert len(middles_of_strata(position, weight, 0, phase)) == 0
+
+
+def half(count, density, **named):
+    return problem(count, lambda points: np.where(points.position[:, 2] > 0.0, density(points), 0.0), **named)
+
+
+def test_an_edit_takes_the_nodes_again_that_charges_are_shared_out_among():
+    """They do not depend on how much density there is, but on where there is any, and on the spacing of the bodies."""
+    with esh.Solver(half(400, upward(0.2)), device="cpu") as solver:
+        solver.run(20)
+        nodes, unit = solver.descent.cascade.nodes, solver.model.unit
+        solver.edit(half(420, upward(0.5)))
+        # A part of where it was.
+        solver.edit(half(420, lambda points: 1.0 * (points.position[:, 2] > 0.1)))
+        assert solver.descent.cascade.nodes is nodes and solver.model.unit == unit
+        # Where nobody was before.
+        solver.edit(problem(600, upward(0.2)))
+        wider = solver.descent.cascade.nodes
+        assert wider is not nodes
+        assert measure(solver.placement(), solver.launcher).coverage_error < 0.1
+        # Bodies so much nearer to each other.
+        solver.edit(problem(1200, upward(0.2)))
+        assert solver.descent.cascade.nodes is not wider and solver.model.unit < 0.9 * unit
+
+
+def test_after_edits_with_the_same_nodes_bodies_are_as_even_as_from_a_start():
+    painted = [upward(amount) for amount in (0.1, 0.3, 0.5, 0.7)]
+    with esh.Solver(problem(1000, painted[0]), device="cpu") as solver:
+        solver.run(40)
+        nodes = solver.descent.cascade.nodes
+        for density in painted[1:]:
+            solver.edit(problem(1000, density))
+        assert solver.descent.cascade.nodes is nodes
+        solver.run(60)
+        later = measure(solver.placement(), solver.launcher)
+    afresh = esh.solve(problem(1000, painted[-1]), device="cpu", max_steps=100).report
+    assert (
+        later.coverage_error < 1.3 * afresh.coverage_error and later.smallest_spacing > 0.93 * afresh.smallest_spacing
+    )
+
+
+@pytest.mark.parametrize("of", [problem, lambda n: esh.Problem(esh.Domain((3.0, 2.0)), problem(n).classes)])
+def test_a_state_after_an_edit_is_gone_on_from_by_another_solver(of, tmp_path):
+    """An edit keeps the unit of length, which is another one where the same problem is begun with."""
+    with esh.Solver(of(400), device="cpu") as solver:
+        solver.run(20)
+        solver.edit(of(480))
+        before = solver.placement().position
+        solver.state.save(tmp_path / "state.npz")
+        state = type(solver.state).load(tmp_path / "state.npz")
+    with esh.Solver(of(480), device="cpu", state=state) as other:
+        np.testing.assert_allclose(other.placement().position, before, atol=1e-6)
+        other.run(20)
+        assert measure(other.placement(), other.launcher).coverage_error < 0.03

@@ -1,0 +1,207 @@
+"""Nodes of a surface: points of it that keep a distance, which charges are shared out among, and coarser ones for wider octaves.
+
+They depend on the surface, and on where there is any density at all; not on how much of it there is, nor on the charges. So they
+serve on from one density to another: see :meth:`Nodes.homes`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..device.running_sum import running_sum
+from ..space.cell_sort import CellSort
+from ..surface import kernels_facets
+from ..surface.facets import Facets
+from . import kernels_cascade
+from .beyond_edges import with_nodes_beyond_edges
+from .kernels_points import Points
+from .points import Lists, chosen, lists_of, nearest_of, runs_of, thinned
+
+__all__ = ["NEAR_REACH", "NodeLevel", "Nodes", "homed"]
+
+# Distance of nodes over the level's length, how much farther a home may be, and from where on it is too far for nodes that were made
+# where there was another density.
+NODE_DISTANCE = 0.7
+HOME_REACH = 1.5
+HOME_REACH_OF_OTHERS = 1.0
+# How far a home may be of charges where there is no density.
+FAR_HOME_REACH = 6.0
+# A turn of the surface counts as so many of the level's lengths when a home is looked for.
+HOME_TURN = 2.0
+# Width of the weights over the level's length, and where they end; a home is nearer than the second.
+WIDTH = 0.8
+WEIGHT_REACH = math.sqrt(kernels_cascade.REACH_SQUARED)
+HOME_DISTANCE = 0.8
+# A Gaussian of a level ends at this many of its widths.
+OCTAVE_REACH = 3.5
+# Where the near part ends over the width of its widest Gaussian.
+NEAR_REACH = 3.6
+# Nodes whose normals are farther apart see nothing of each other.
+LEAST_COSINE = -0.95
+# Fewer nodes need no coarser ones.
+FEWEST_NODES = 12
+
+
+@dataclass(frozen=True, eq=False)
+class NodeLevel:
+    """Nodes of an octave: which of them see each other how, and what is shared out among the next, coarser ones.
+
+    Attributes:
+        count: How many there are.
+        octave: Those that each of them sees.
+        octave_value: By how much, ``float``.
+        up: Of each, the coarser ones that its charge goes to; None at the coarsest level, as the following ones.
+        up_value: Their shares.
+        down: Of each coarser one, those whose charges go to it.
+        down_value: The same shares.
+    """
+
+    count: int
+    octave: Lists
+    octave_value: wp.array
+    up: Lists | None = None
+    up_value: wp.array | None = None
+    down: Lists | None = None
+    down_value: wp.array | None = None
+
+
+class Nodes:
+    """Nodes of a surface, level after level.
+
+    Args:
+        launcher: Where to run.
+        facets: The surface.
+        on_device: The same as kernels take it.
+        full: Middles of tiles that have any density.
+        length: Spacing that they are to resolve, in units.
+
+    Attributes:
+        length: That spacing.
+        points: The nodes of the first level: those on the surface, and others beyond its edges.
+        count: How many these are.
+        weights: What points are shared out among them by.
+        pairs: Runs of those that each one's near part reaches, ``wp.vec2i``.
+        cutoff: Where that ends.
+        related: Which parts of the surface stand on one another, for kernels.
+        levels: From the finest to the coarsest.
+    """
+
+    def __init__(
+        self, launcher: Launcher, facets: Facets, on_device: kernels_facets.Facets, full: Points, length: float
+    ) -> None:
+        self._launcher, self.length = launcher, length
+        width, apart = WIDTH * length, NODE_DISTANCE * length
+        self._on_surface = chosen(launcher, full, thinned(launcher, full, apart))
+        self.points, self._place = with_nodes_beyond_edges(
+            launcher, facets, on_device, self._on_surface, apart=apart, reach=WEIGHT_REACH * width, length=length
+        )
+        self.count = len(self.points.position)
+        self.weights = _weights_of(launcher, self.points, width, length)
+        self.cutoff = NEAR_REACH / math.sqrt(2.0) * length
+        numbers, relations = facets.relations.behind(np.zeros(1), int(facets.label.max()) + 1, length)
+        self.related = launcher.array(numbers, wp.int32), relations
+        reach = self.cutoff + 2.0 * NODE_DISTANCE * length
+        near = lists_of(launcher, self.points, self.points, reach, LEAST_COSINE, self.related)
+        self.pairs = runs_of(launcher, near, self.points)
+        self.levels = self._make_levels(facets.extent * math.sqrt(3.0))
+
+    def homes(
+        self, tiles: Points, full: wp.array, empty: wp.array, *, made_for_others: bool = False
+    ) -> wp.array | None:
+        """Return which node on the surface is the home of charges on every tile, ``wp.int32``, shape ``[tile_count]``.
+
+        Args:
+            tiles: Their middles.
+            full: Numbers of those that have any density, ``wp.int32``.
+            empty: Numbers of all others.
+            made_for_others: Whether the nodes were made where another density was: then None where any full tile has none near.
+        """
+        launcher, length = self._launcher, self.length
+        result = launcher.zeros(len(tiles.position), wp.int32)
+
+        def find(own: wp.array, reach: float, turn: float) -> wp.array:
+            points = chosen(launcher, tiles, own) if len(own) < len(result) else tiles
+            near = nearest_of(launcher, points, self._on_surface, reach, turn)
+            launcher.launch(kernels_cascade.settle, len(own), [own, near, self._place], [result])
+            return near
+
+        reach = HOME_REACH_OF_OTHERS if made_for_others else HOME_REACH
+        near = find(full, reach * length, HOME_TURN * length)
+        if made_for_others and (near.numpy() < 0).any():
+            return None
+        if len(empty):
+            # What is fixed may lie there, and ends of lines.
+            find(empty, FAR_HOME_REACH * length, 0.0)
+        return result
+
+    def _make_levels(self, diagonal: float) -> list[NodeLevel]:
+        """Make nodes for one octave after the other, until one is as wide as the surface."""
+        launcher, nodes, length = self._launcher, self.points, self.length
+        width = WIDTH * length
+        levels: list[NodeLevel] = []
+        while True:
+            octave = math.sqrt(2.0) * length
+            # What the weights on both ways blur is left out of the Gaussian.
+            rest = math.sqrt(octave**2 - 2.0 * width**2)
+            near = lists_of(launcher, nodes, nodes, min(OCTAVE_REACH * rest, 2.0 * diagonal), LEAST_COSINE)
+            value = launcher.empty(len(near.entry), float)
+            count = len(nodes.position)
+            height = math.log(2.0) * (octave / rest) ** 2
+            launcher.launch(kernels_cascade.weigh_octave, count, [nodes, near.start, near.entry, rest, height], [value])
+            if octave > diagonal or count < FEWEST_NODES:
+                return [*levels, NodeLevel(count, near, value)]
+            kept = thinned(launcher, nodes, 2.0 * NODE_DISTANCE * length, crowded=False)
+            coarse = chosen(launcher, nodes, kept)
+            wider = math.sqrt(3.0) * width
+            levels.append(NodeLevel(count, near, value, *_between(launcher, nodes, coarse, 2.0 * length, wider)))
+            nodes, length, width = coarse, 2.0 * length, 2.0 * width
+
+
+def homed(points: Points, home: wp.array, sort: CellSort) -> kernels_cascade.Homed:
+    """Points with their homes, as they are sorted by these."""
+    result = kernels_cascade.Homed()
+    result.points, result.home, result.order, result.start = points, home, sort.order, sort.cell_start
+    return result
+
+
+def _between(
+    launcher: Launcher, fine: Points, coarse: Points, length: float, width: float
+) -> tuple[Lists, wp.array, Lists, wp.array]:
+    """What finer nodes share out among coarser ones, as lists by both."""
+    count, coarse_count = len(fine.position), len(coarse.position)
+    weights = _weights_of(launcher, coarse, width, length)
+    # There is one: the finer nodes were thinned out to these. Lists by home and by node agree only where it is no farther.
+    home = nearest_of(launcher, fine, coarse, HOME_DISTANCE * length, HOME_TURN * length)
+    sort = CellSort(launcher, count, coarse_count)
+    sort.sort(kernels_cascade.find_homes, [home])
+    at_home = homed(fine, home, sort)
+    row = launcher.empty(count, kernels_cascade.Row)
+    launcher.launch(kernels_cascade.fit_rows_in_place, count, [at_home, weights], [row], grain=GRAIN_OF_NEIGHBORS)
+
+    def shares(to_nodes: int, number: int) -> tuple[Lists, wp.array]:
+        found = launcher.empty(number, wp.int32)
+        inputs = [to_nodes, at_home, weights]
+        launcher.launch(kernels_cascade.count_shares, number, inputs, [found], grain=GRAIN_OF_NEIGHBORS)
+        start, total = running_sum(launcher, found)
+        entry, value = launcher.empty(max(total, 1), wp.int32), launcher.empty(max(total, 1), float)
+        inputs = [to_nodes, at_home, row, weights, start]
+        launcher.launch(kernels_cascade.list_shares, number, inputs, [entry, value], grain=GRAIN_OF_NEIGHBORS)
+        return Lists(start, entry), value
+
+    return (*shares(0, count), *shares(1, coarse_count))
+
+
+def _weights_of(launcher: Launcher, nodes: Points, width: float, length: float) -> kernels_cascade.Weights:
+    """What points are shared out among: nodes of a level of a length, by weights of a width."""
+    near = runs_of(launcher, lists_of(launcher, nodes, nodes, WEIGHT_REACH * width + HOME_DISTANCE * length), nodes)
+    weights = kernels_cascade.Weights()
+    weights.nodes, weights.start, weights.near, weights.width = nodes, near.start, near.entry, width
+    count = len(nodes.position)
+    weights.plane = launcher.zeros(kernels_cascade.NODE_PLANES * count + kernels_cascade.LANES, float)
+    launcher.launch(kernels_cascade.fill_planes, count, [nodes], [weights.plane])
+    return weights
