@@ -439,6 +439,7 @@ def sum_near(
     const float* variance = up_z + (column_count + 1) * count;
     const float* entries = table.data + table_first;
     const int last = table_size - 2;
+    const float beyond = (float)(last + 1);
     // Labels that the own one has to do with, and whether another one is among them: it is looked for where there are fewer.
     const int* related_start = related.data + relations;
     const bool is_related = relations > 0 && related_start[label] < related_start[label + 1];
@@ -467,7 +468,9 @@ def sum_near(
         const V dz = position[2] - load(z + j);
         const V square = dx * dx + dy * dy + dz * dz;
         const V cosine = load(up_x + j) * normal[0] + load(up_y + j) * normal[1] + load(up_z + j) * normal[2];
-        const V at = square * table_scale;
+        // Cells share slots: what lies far away, and is not seen, would be beyond all whole numbers.
+        const V all = square * table_scale;
+        const V at = all < beyond ? all : (V)beyond;
         I cell = whole(at);
         cell = cell > last ? (I)last : cell;
         const V low = get(entries, cell);

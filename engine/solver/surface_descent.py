@@ -133,34 +133,10 @@ class SurfaceDescent:
         column = model.groups.class_index
         of_group = np.zeros((model.groups.count, len(share)))
         of_group[np.arange(len(column)), column] = model.group_charge
-        self._own_forces, interaction = own_forces(model, launcher, self.facets, on_device, share)
-        softness = softness_of(model)
-        self.cascade = Cascade(
-            launcher,
-            self.facets,
-            on_device,
-            share=share,
-            attraction=interaction @ of_group,
-            interaction=interaction,
-            charge=model.charge.charge,
-            charge_group=model.body.group[model.charge.body],
-            softness=softness,
-            nodes=self._nodes_of(before),
-        )
-        # What is blurred as its target is has no such bias.
-        potential = None
-        if softness is None:
-            potential = correlation_potential(model, self.cascade.node_share, self.cascade.node_area)
-        if potential is not None:
-            self.cascade.set_offset(potential)
+        self._make_forces(on_device, of_group, before)
         self.ground = self._make_ground(on_device, share, model.interaction @ of_group)
-        n, charge_count = model.body_count, model.charge_count
-        self.charges = kernels_on_surface.Charges()
-        self.charges.points = empty_points(launcher, charge_count)
-        self.charges.facet = launcher.empty(charge_count, wp.int32)
-        self.charges.weight = launcher.empty(charge_count, wp.vec2)
-        self.charges.home = launcher.empty(charge_count, wp.int32)
-        self.charges.field = launcher.zeros(charge_count, wp.vec3)
+        n = model.body_count
+        self.charges = _charges(launcher, model.charge_count)
         self.rules = SurfaceLineRules(model, launcher, self.facets)
         self._has_dots = bool((model.body.kind < 0).any())
         self.direction = Direction(launcher, n, self.rules, _most_stretch(model))
@@ -181,6 +157,32 @@ class SurfaceDescent:
             self.contact = SurfaceContact(model, launcher, self.bodies, self.ground, self.poses, self.motion)
         self.place_charges()
         self.step = launcher.record(self.take_step)
+
+    def _make_forces(
+        self, on_device: kernels_facets.Facets, of_group: np.ndarray, before: SurfaceDescent | None
+    ) -> None:
+        """Make what acts on the charges, of which there is so much of every class in every group, ``[group_count, class_count]``."""
+        model, launcher, share = self.model, self.launcher, self.share
+        self._own_forces, interaction = own_forces(model, launcher, self.facets, on_device, share)
+        softness = softness_of(model)
+        self.cascade = Cascade(
+            launcher,
+            self.facets,
+            on_device,
+            share=share,
+            attraction=interaction @ of_group,
+            interaction=interaction,
+            charge=model.charge.charge,
+            charge_group=model.body.group[model.charge.body],
+            softness=softness,
+            nodes=self._nodes_of(before),
+        )
+        # What is blurred as its target is has no such bias.
+        potential = None
+        if softness is None:
+            potential = correlation_potential(model, self.cascade.node_share, self.cascade.node_area)
+        if potential is not None:
+            self.cascade.set_offset(potential)
 
     def _nodes_of(self, before: SurfaceDescent | None) -> Nodes | None:
         """The nodes of another descent, if it sees the surface as this one does."""
@@ -540,6 +542,15 @@ class SurfaceDescent:
             steps=np.zeros(1, np.int32),
             unit=np.array([model.unit]),
         )
+
+
+def _charges(launcher: Launcher, count: int) -> kernels_on_surface.Charges:
+    """So many charges that are still to be placed."""
+    charges = kernels_on_surface.Charges()
+    charges.points = empty_points(launcher, count)
+    charges.facet, charges.home = launcher.empty(count, wp.int32), launcher.empty(count, wp.int32)
+    charges.weight, charges.field = launcher.empty(count, wp.vec2), launcher.zeros(count, wp.vec3)
+    return charges
 
 
 def _most_stretch(model: Model) -> float:

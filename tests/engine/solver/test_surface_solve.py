@@ -327,6 +327,18 @@ def test_cover_asks_for_as_many_as_fit(density):
     assert nearest > 1.2 * 2.0 * np.sqrt(0.02 / np.pi)
 
 
+@pytest.mark.parametrize("count", [500, 5000])
+def test_a_surface_is_thousands_of_spacings_long(count):
+    """What lies that far away, in a slot of the grid of cells that it shares, is not looked up in the table of near forces."""
+    sliver = Surface(SurfaceMesh(np.array([[0, 0, 0], [1, 0, 0], [0.5, 1e-4, 0]]), np.array([[0, 1, 2]])))
+    placement = solve(Problem(sliver, [BodyClass("a", [Size("s", 1e-9, count)])]), device="cpu", max_steps=20)
+    assert np.isfinite(placement.position).all() and len(placement.position) == count
+    assert (
+        np.abs(np.bincount((4.0 * placement.position[:, 0]).astype(int)) / count - (1, 3, 3, 1) / np.float64(8)).max()
+        < 0.01
+    )
+
+
 @pytest.mark.parametrize("squares", [np.inf, np.nan])
 def test_a_residual_that_is_no_finite_number_is_said_as_in_the_plane(squares):
     with Solver(on_surface(meshes.sphere(1), 20), device="cpu") as solver:
