@@ -26,6 +26,7 @@ __all__ = [
     "clump_size_of",
     "crowding_of",
     "memory_of_clumps",
+    "occupied",
     "pushed_out_at",
     "share_at_large",
     "with_clumps",
@@ -89,8 +90,8 @@ def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int
     """
     if body_class.clustering == 0.0:
         return body_class
-    size = clump_size_of(body_class.clump_size, domain, body_class.body_count)
     image = body_class.density_image
+    size = clump_size_of(body_class.clump_size, domain, body_class.body_count, occupied(image))
     shape = _shape(image, size, domain, body_class.name)
     factors = [n // own for n, own in zip(shape, image.shape, strict=True)]
     fine = np.repeat(np.repeat(image.astype(np.float64), factors[0], axis=0), factors[1], axis=1)
@@ -103,9 +104,20 @@ def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int
     return replace(body_class, density_image=clumped.astype(np.float32))
 
 
-def clump_size_of(asked: float, domain: Domain, body_count: int) -> float:
-    """Diameter of the clumps of a class [m], which is chosen where none is ``asked`` for."""
-    return asked or SPACINGS * math.sqrt(domain.area / max(body_count, 1))
+def clump_size_of(asked: float, domain: Domain, body_count: int, share: float) -> float:
+    """Diameter of the clumps of a class [m] that stands on so large a :func:`share <occupied>` of a domain.
+
+    Where none is ``asked`` for it follows from the class's spacing, but an image that shows them has no more than so many pixels.
+    """
+    over_domain = SPACINGS * math.sqrt(domain.area / max(body_count, 1))
+    shown = PIXELS_PER_CLUMP * max(domain.size) / LONG_SIDE
+    return asked or max(over_domain * math.sqrt(share), min(over_domain, shown))
+
+
+def occupied(density: np.ndarray) -> float:
+    """Share of the ground of an even density that is as crowded as an average body finds this one: 1 where it is even itself."""
+    mean, square = float(density.mean(dtype=np.float64)), float(np.square(density, dtype=np.float64).mean())
+    return mean**2 / square if mean > 0.0 else 1.0
 
 
 def pushed_out_at(regularity: float) -> float:
@@ -126,7 +138,7 @@ def share_at_large(asked: np.ndarray, pixel: Sequence[float], size: float) -> fl
         pixel: Height and width of its pixels [m].
         size: Diameter of a clump [m].
     """
-    room = pixel[0] * pixel[1] * asked.sum() ** 2 / (asked**2).sum() / (WAVELENGTH * size) ** 2
+    room = pixel[0] * pixel[1] * asked.size * occupied(asked) / (WAVELENGTH * size) ** 2
     return float(min(max((room - LITTLE_ROOM) / (MUCH_ROOM - LITTLE_ROOM), 0.0), 1.0))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import ProblemError, Reason, Refusal
 from ..field.field_meshes import charge_mesh, cutoff_of, target_mesh
 from ..field.mirrored_field import COPIES
-from ..problem.clumps import clump_size_of, crowding_of, memory_of_clumps
+from ..problem.clumps import clump_size_of, crowding_of, memory_of_clumps, occupied
 from ..problem.domain import Domain
 from ..problem.interaction import LEVELS, most_levels
 from ..problem.machine_memory import format_bytes, machine_memory
@@ -82,8 +82,11 @@ def required_memory(problem: Problem) -> int:
 
 def _required_for_clumps(body_class: PreparedClass, domain: Domain) -> int:
     """Estimate the memory that the clumps of a class took when they were made [bytes]."""
-    image, size = body_class.density_image, clump_size_of(body_class.clump_size, domain, body_class.body_count)
-    return memory_of_clumps(image, image.shape, size, domain, crowding_of(body_class.clustering))
+    image, crowding = body_class.density_image, crowding_of(body_class.clustering)
+    # It has its clumps by now.
+    share = min(occupied(image) * (1.0 + crowding), 1.0)
+    size = clump_size_of(body_class.clump_size, domain, body_class.body_count, share)
+    return memory_of_clumps(image, image.shape, size, domain, crowding)
 
 
 def _required_for_images(problem: Problem) -> int:

@@ -115,6 +115,18 @@ def test_clumps_of_two_classes_and_two_seeds_differ_and_finer_densities_have_the
     assert np.corrcoef(first.ravel(), coarse.ravel())[0, 1] > 0.99
 
 
+def test_clumps_are_as_large_as_spacings_are_where_a_class_stands():
+    y, x = np.mgrid[:80, :80] / 2.0
+    disc = (np.hypot(x - 20.0, y - 20.0) < 9.0).astype(float)
+    spacing = 40.0 * np.sqrt(disc.mean() / 1500)
+    by_itself, asked = (density_of(problem_of(1.0, size, disc)) for size in (0.0, 2.5 * spacing))
+    np.testing.assert_allclose(by_itself, asked, rtol=1e-6)
+    # In a spot no image would show them.
+    spot = np.zeros((80, 80))
+    spot[40, 40] = 1.0
+    assert max(density_of(problem_of(1.0, 0.0, spot, count=20_000)).shape) <= 1200
+
+
 def test_no_clumps_leave_a_density_as_it_is_and_a_problem_made_of_another_has_them_once():
     assert density_of(problem_of(0.0, 4.0)).shape == (1, 1)
     problem = problem_of(1.0)
