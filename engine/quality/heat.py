@@ -44,9 +44,17 @@ MOST_SLOWED_OF_SLIVERS = 0.002
 # Where no larger share of the area lies within a spacing of slivers, they are left as they are. Measured on spheres with one: with a
 # share of .0006 errors are a twentieth too high, with .0012 up to two thirds.
 FEW_SLIVERS = 5e-4
-# Points that stand for a third of a small triangle each, by weights of its corners; how many are asked for a density at once.
+# Points that stand for a third of a triangle each, by weights of its corners; how many are asked for a density at once, and at least:
+# small triangles are cut for that. Where a density varies between those of a triangle, or is 0 and a body stands there all the same,
+# as many as the last number are asked instead, if that is more. Measured on 200 bodies in a band of a sphere that is a sixth of a
+# spacing wide: errors were .49 on meshes of 1,280 and 5,120 triangles and .084 of 81,920, where each had three points; with ever more
+# points they come to .004 to .006.
 INNER = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
 POINTS_AT_ONCE = 1 << 18
+FEWEST_POINTS = 1 << 17
+POINTS_WHERE_IT_VARIES = 1 << 19
+# A density that differs by less than this share of its largest value does not vary.
+VARIES = 0.2
 # Polynomials that are left out count less than this.
 PRECISION = 1e-7
 
@@ -160,29 +168,66 @@ class HeatMesh:
         launcher.launch(kernels_heat.add_shares, self._count, [sort.cell_start, sort.order, amount], [total])
         return total
 
-    def target(self, density: Callable[[PointsOnSurface], np.ndarray] | None = None) -> wp.array:
+    def target(
+        self, density: Callable[[PointsOnSurface], np.ndarray] | None = None, standing: np.ndarray | None = None
+    ) -> wp.array:
         """Share of a density at every vertex, ``wp.float64``; None: of the surface's area.
 
         Args:
-            density: Of points on the surface, shape ``[n]``; it is asked at three in every small triangle, many at a time.
+            density: Of points on the surface, shape ``[n]``; it is asked at three in every small triangle or more, many at a time.
+            standing: Triangles of the surface that bodies stand on.
         """
         if density is None:
             return self.mixed([self._area], [1.0 / self._surface.area])
-        small = len(self._pattern)
-        area = self._triangles.area / small
+        count, small = len(self._triangles), len(self._pattern)
         share = np.zeros(self._count)
-        weight = (INNER @ (self._steps[self._pattern] / self._cut.cuts)).reshape(-1, 3)
+        cuts = _cuts_for(FEWEST_POINTS, count * small)
+        # Where there are more points than would be asked for a second time, all count at once.
+        is_coarse = _cuts_for(POINTS_WHERE_IT_VARIES, count * small) > cuts
+        left = self._add_shares(share, density, np.arange(count), cuts, leave=is_coarse, standing=standing)
+        if len(left):
+            finer = max(cuts, _cuts_for(POINTS_WHERE_IT_VARIES, len(left) * small))
+            self._add_shares(share, density, left, finer)
+        return self._launcher.array(share / max(share.sum(), 1e-300), wp.float64)
+
+    def _add_shares(
+        self,
+        share: np.ndarray,
+        density: Callable[[PointsOnSurface], np.ndarray],
+        triangle: np.ndarray,
+        cuts: int,
+        *,
+        leave: bool = False,
+        standing: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Add what vertices have of a density in some triangles, of which small ones are cut; return those that are left out.
+
+        ``leave`` is whether those are in which it varies, or is 0 where a body stands.
+        """
+        inner = _inner_points(cuts)
+        small, area = len(self._pattern), self._triangles.area
+        weight = (inner @ (self._steps[self._pattern] / self._cut.cuts)).reshape(-1, 3)
         face = self._cut.vertex.numpy().reshape(len(area), -1)[:, self._pattern]
+        stands = np.zeros(len(area), bool)
+        if standing is not None:
+            stands = np.isin(self._triangles.origin, standing)
         at_once = max(1, POINTS_AT_ONCE // len(weight))
-        for first in range(0, len(area), at_once):
+        left = []
+        for first in range(0, len(triangle), at_once):
             self._launcher.ask()
-            own = np.arange(first, min(first + at_once, len(area)))
+            own = triangle[first : first + at_once]
             points = self._surface.points(
                 *self._triangles.points(np.repeat(own, len(weight)), np.tile(weight, (len(own), 1)))
             )
-            values = density(points).reshape(len(own), small, 3) * (area[own] / 3.0)[:, None, None]
-            share += np.bincount(face[own].ravel(), (values @ INNER).ravel(), len(share))
-        return self._launcher.array(share / share.sum(), wp.float64)
+            values = density(points).reshape(len(own), -1)
+            if leave:
+                most = values.max(axis=1)
+                varies = (most - values.min(axis=1) > VARIES * most) | ((most <= 0.0) & stands[own])
+                left.append(own[varies])
+                values = np.where(varies[:, None], 0.0, values)
+            amount = values.reshape(len(own), small, len(inner)) * (area[own] / len(inner))[:, None, None]
+            share += np.bincount(face[own].ravel(), (amount @ inner).ravel(), len(share))
+        return np.concatenate(left) if left else np.zeros(0, np.int64)
 
     def mixed(self, values: Sequence[wp.array], factors: Sequence[float]) -> wp.array:
         """Sum of numbers of all vertices, each times its factor."""
@@ -225,6 +270,17 @@ def _typical_size(surface: Surface) -> float:
     longest = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
     height = 2.0 * surface.triangle_area / np.maximum(longest, 1e-300)
     return float((np.minimum(longest, 2.0 * height) * surface.triangle_area).sum() / surface.area)
+
+
+def _cuts_for(points: int, triangles: int) -> int:
+    """Into how many parts sides are cut for so many points in all."""
+    return max(1, math.ceil(math.sqrt(points / (len(INNER) * triangles))))
+
+
+def _inner_points(cuts: int) -> np.ndarray:
+    """Points that stand for a triangle, three in each of those that it is cut into, by weights of its corners."""
+    steps, pattern = _cut_evenly(cuts)
+    return (INNER @ (steps[pattern] / cuts)).reshape(-1, 3)
 
 
 def _cut_evenly(cuts: int) -> tuple[np.ndarray, np.ndarray]:

@@ -327,7 +327,7 @@ def chebyshev_step(
 
 
 @wp.kernel
-def nearest_distance(
+def find_nearest_body(
     first: int,
     grid: wp.uint64,
     position: wp.array(dtype=wp.vec3),
@@ -337,14 +337,16 @@ def nearest_distance(
     reach: float,
     # outputs
     distance: wp.array(dtype=float),
+    nearest: wp.array(dtype=wp.int32),
 ):
-    """Distance to the nearest body of the same sheet, or of one that stands on it; ``reach`` where none is nearer.
+    """The nearest body of the same sheet, or of one that stands on it, and its distance: itself and ``reach`` where none is nearer.
 
     Which do lies behind the sheets of all bodies, from ``relations`` on.
     """
     i = first + wp.tid()
     own = position[i]
     least = float(reach)
+    found = int(i)
     query = wp.hash_grid_query(grid, own, reach)
     j = int(0)
     while wp.hash_grid_query_next(query, j):
@@ -354,4 +356,6 @@ def nearest_distance(
             if away < least:
                 if on_one_sheet(wp.vec3d(way), wp.float64(away), normal[i], normal[j]):
                     least = away
+                    found = j
     distance[i] = least
+    nearest[i] = found

@@ -27,6 +27,8 @@ __all__ = ["measure_on_surface"]
 NEIGHBORS = 2.0
 # Cells along every axis of the table that neighbors are looked up in.
 CELLS = 128
+# Where a smaller share of the typical number of bodies is asked for, those that stand there belong beside it.
+NEXT_TO_NONE = 0.02
 
 
 class SurfaceFigures(NamedTuple):
@@ -74,7 +76,9 @@ def _coverage_errors(placement: Placement, bodies: BodiesOnSurface, launcher: La
     for k, body_class in enumerate(problem.classes):
         # Bodies come one class after the other.
         own = slice(int(last[k - 1]) if k else 0, int(last[k]))
-        targets.append(mesh.target(body_class.density_on if body_class.varies_on_surface else None))
+        density = body_class.density_on if body_class.varies_on_surface else None
+        standing = bodies.triangle[own].numpy() if density is not None else None
+        targets.append(mesh.target(density, standing))
         charges.append(mesh.charges(bodies.triangle[own], bodies.barycentric[own], area[own]))
         totals.append(float(area[own].sum()))
         errors.append(mesh.error(charges[k], totals[k], targets[k], body_class.body_count))
@@ -108,12 +112,12 @@ def _spacing(placement: Placement, bodies: BodiesOnSurface, launcher: Launcher) 
     related = 0
     if not one_sheet:
         sheet, related = relations.behind(sheet, int(of_triangle.max()) + 1)
-    distance = launcher.empty(n, float)
+    distance, nearest = launcher.empty(n, float), launcher.empty(n, wp.int32)
     launcher.launch(
-        kernels_heat.nearest_distance,
+        kernels_heat.find_nearest_body,
         n,
         [grid.id, position, bodies.normal, launcher.alike(sheet, wp.int32), related, NEIGHBORS],
-        [distance],
+        [distance, nearest],
         grain=GRAIN_OF_NEIGHBORS,
     )
     least, found = least_and_number(launcher, distance, NEIGHBORS)
@@ -123,7 +127,10 @@ def _spacing(placement: Placement, bodies: BodiesOnSurface, launcher: Launcher) 
     if isinstance(number, np.ndarray):
         near = distance.numpy()
         there = near < NEIGHBORS
-        smallest = float((near[there] * unit * np.sqrt(number[there])).min())
+        # Beside the edge of a density some stand where next to none are asked for: the denser of two places counts.
+        asked = np.maximum(number, number[nearest.numpy()])[there]
+        asked = np.where(asked > NEXT_TO_NONE * typical, asked, typical)
+        smallest = float((near[there] * unit * np.sqrt(asked)).min())
     else:
         smallest = least * unit * math.sqrt(number)
     return smallest / HEXAGONAL_SPACING, least * unit, usual

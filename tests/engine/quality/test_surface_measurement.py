@@ -288,3 +288,37 @@ def test_every_vertex_of_a_cut_surface_is_one_place_and_each_place_one_vertex(la
     where, number = np.unique(rounded, axis=0, return_inverse=True)
     pairs = np.unique(np.stack([vertex[:3].ravel(), number.ravel()], axis=1), axis=0)
     assert len(pairs) == len(where) == len(np.unique(vertex[:3]))
+
+
+def test_a_narrow_band_is_measured_alike_on_coarse_and_fine_meshes(launcher):
+    """Its edges run through few large triangles; and a spot may lie between all points that are looked at."""
+
+    def error(levels, density, count):
+        surface = Surface(SurfaceMesh(*meshes.sphere(levels)))
+        body_class = BodyClass("a", [Size("s", 1e-6, count)], density)
+        return measure(solve(Problem(surface, [body_class]), device="cpu", max_steps=60), launcher).coverage_error
+
+    def band(points):
+        return (np.abs(points.position[:, 2]) < 0.02).astype(float)
+
+    def spot(points):
+        return (np.linalg.norm(points.position - meshes.sphere(3)[0][5], axis=1) < 0.02).astype(float)
+
+    errors = [error(levels, band, 200) for levels in (3, 4, 6)]
+    assert max(errors) < 0.03
+    assert error(3, spot, 30) < 0.05
+
+
+def test_who_stands_beside_the_edge_of_a_density_is_as_close_as_the_others_there_say(launcher):
+    corner = np.array([(0, 0, 0), (4, 0, 0), (4, 1, 0), (0, 1, 0)], float)
+    surface = Surface(SurfaceMesh(corner, np.array([(0, 1, 2), (0, 2, 3)])))
+    x, y = np.array([0.3, 0.7, 1.1, 1.5]), 0.02
+    weight = np.column_stack([1.0 - x / 4.0, x / 4.0 - y, np.full(4, y)])
+    # The last one stands where nobody is asked for.
+    density = [lambda points: 1.0 * (points.position[:, 0] < 1.4), lambda points: 1.0 * (points.position[:, 0] < 1.6)]
+    found = []
+    for own in density:
+        points = surface.points(np.zeros(4, int), weight)
+        problem = Problem(surface, [BodyClass("a", [Size("s", 1e-4, 4)], own)])
+        found.append(measure(replace(placed(surface, points), problem=problem), launcher).smallest_spacing)
+    assert found[0] == pytest.approx(found[1] * np.sqrt(1.6 / 1.4), rel=0.02)
