@@ -98,7 +98,7 @@ def supports_of(
                 if not support.any():
                     raise ProblemError(
                         f'`obstacles` must leave room for size "{size.name}" of class "{body_class.name}", which keeps '
-                        f"{max(needed):.3g} m away from them",
+                        f"{max(needed):.3g} m away from them; gaps are to be wider than {2.0 * (max(needed) + corner):.3g} m",
                         Refusal(Reason.OBSTACLES_TOO_NEAR, max(needed), 0, body_class.called(size)),
                     )
                 of_body[of_level] = len(images)
