@@ -63,6 +63,12 @@ Start = Callable[["SurfaceDescent"], None]
 DETAIL = 0.3
 FINER = 3
 SAMPLES_OF_DETAIL = 8
+# Of more tiles than this, those that lie far from all density are not cut: a facet is looked at at so many points along each side, and
+# is far if nothing is seen within so many units. What is smaller than a third of a facet, and lies so far from all else, is not seen.
+# Measured on a spot of a unit sphere that 2,000 bodies stand in, .05 wide: a run takes 5 s instead of 41 s.
+MANY_TILES = 1_000_000
+SAMPLES_OF_FACET = 3
+NEAR_DENSITY = 10.4
 # Obstacles that reach farther than this, in units, are details; of all others the share of a tile that they take is found from so many
 # points along each of its sides. Measured on 600 boxes among as many, which cover 36 %: where tiles are not cut at small ones coverage
 # errors are 0.0136, cut in four 0.0089, in nine 0.0097; as details, which takes six times as long as all the rest, 0.0076.
@@ -352,6 +358,8 @@ class SurfaceDescent:
             outlines: Obstacles that they end at.
         """
         facets = self.facets
+        if facets.tile_count > MANY_TILES and len(varying) == len(self.model.problem.classes):
+            self._cut_less_where_empty(varying, outlines)
         whole = np.arange(facets.count)
         sampled = self._densities(whole, 2, varying, outlines)
         detailed = np.zeros(facets.count, bool)
@@ -359,19 +367,32 @@ class SurfaceDescent:
         for values in sampled:
             largest = values.max(axis=1)
             detailed[of_tile[largest - values.min(axis=1) > DETAIL * largest]] = True
-        finer = np.flatnonzero(detailed)
-        facets.cut_finer(np.flatnonzero(facets.near(detailed, NEAR_DETAIL) & ~detailed), FINER_NEAR_DETAIL)
-        facets.cut_finer(finer, FINER)
-        sampled = self._densities(whole, 2, varying, outlines) if len(finer) else sampled
+        near = facets.near(detailed, NEAR_DETAIL) & ~detailed
+        # What is not cut finer is known.
+        kept = ~(detailed | near)[of_tile]
+        facets.cut_finer(np.flatnonzero(near), FINER_NEAR_DETAIL)
+        facets.cut_finer(np.flatnonzero(detailed), FINER)
         of_tile = np.repeat(whole, facets.cuts**2)
         density = np.ones((len(self.model.problem.classes), facets.tile_count))
-        now_detailed = np.repeat(detailed, facets.cuts**2)
-        closely = self._densities(finer, SAMPLES_OF_DETAIL, varying, outlines) if len(finer) else []
-        for number, k in enumerate(varying):
-            density[k, ~now_detailed] = sampled[number].mean(axis=1)[~detailed[of_tile]]
-            if closely:
-                density[k, now_detailed] = closely[number].mean(axis=1)
+        for k, values in zip(varying, sampled, strict=True):
+            density[k, ~(detailed | near)[of_tile]] = values[kept].mean(axis=1)
+        for some, inner in ((near, 2), (detailed, SAMPLES_OF_DETAIL)):
+            if some.any():
+                found = self._densities(np.flatnonzero(some), inner, varying, outlines)
+                for k, values in zip(varying, found, strict=True):
+                    density[k, some[of_tile]] = values.mean(axis=1)
         return density
+
+    def _cut_less_where_empty(self, varying: list[int], outlines: OutlinesOnSurface) -> None:
+        """Leave facets whole where no density is seen at some points of theirs and of others around."""
+        facets, whole = self.facets, np.arange(self.facets.count)
+        cuts = facets.cuts.copy()
+        facets.cut_into(whole, 1)
+        seen = np.zeros(facets.count, bool)
+        for values in self._densities(whole, SAMPLES_OF_FACET, varying, outlines):
+            seen |= values.any(axis=1)
+        some = np.flatnonzero(facets.near(seen, NEAR_DENSITY)) if seen.any() else whole
+        facets.cut_into(some, cuts[some])
 
     def _densities(
         self, facet: np.ndarray, inner: int, classes: list[int], outlines: OutlinesOnSurface

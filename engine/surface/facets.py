@@ -153,7 +153,11 @@ class Facets:
 
     def cut_finer(self, facet: np.ndarray, factor: int) -> None:
         """Cut some facets into ``factor²`` times as many tiles."""
-        self.cuts[facet] *= factor
+        self.cut_into(facet, factor * self.cuts[facet])
+
+    def cut_into(self, facet: np.ndarray, cuts: np.ndarray | int) -> None:
+        """Cut some facets into so many tiles along every side."""
+        self.cuts[facet] = cuts
         self.first_tile, self.first_corner = self._counted()
         self._tile_area = None
 

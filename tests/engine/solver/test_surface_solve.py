@@ -339,6 +339,24 @@ def test_a_surface_is_thousands_of_spacings_long(count):
     )
 
 
+def test_far_from_all_density_a_surface_is_not_cut():
+    """A spot that many bodies stand in would have the whole sphere cut as fine as they are apart."""
+    sphere = Surface(SurfaceMesh(*meshes.sphere(4)))
+
+    def spots(points):
+        first, second = (np.linalg.norm(points.position - center, axis=1) for center in ((0, 0, 1.0), (0, 1.0, 0)))
+        return 1.0 * ((first < 0.05) | (second < 0.01))
+
+    with Solver(Problem(sphere, [BodyClass("a", [Size("s", 1e-9, 2000)], spots)]), device="cpu") as solver:
+        assert solver.descent.facets.tile_count < 800_000
+        solver.run(60)
+        placement = solver.placement()
+    away = [np.linalg.norm(placement.position - center, axis=1) for center in ((0, 0, 1.0), (0, 1.0, 0))]
+    assert np.minimum(away[0] / 0.05, away[1] / 0.01).max() < 1.02
+    # A twenty-sixth of the area is the small one's.
+    assert (away[1] < 0.02).sum() == pytest.approx(2000 / 26, abs=3)
+
+
 @pytest.mark.parametrize("squares", [np.inf, np.nan])
 def test_a_residual_that_is_no_finite_number_is_said_as_in_the_plane(squares):
     with Solver(on_surface(meshes.sphere(1), 20), device="cpu") as solver:
