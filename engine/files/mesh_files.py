@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from ..errors import InputFileError, ProblemError
 from ..problem.surface import SurfaceMesh
 from .input_file import check_is_file
+from .obj_polygons import without_concave_polygons
 
 __all__ = ["ACCEPTED", "read_meshes"]
 
@@ -34,7 +36,7 @@ def read_meshes(path: str | Path) -> list[SurfaceMesh]:
     import trimesh
 
     try:
-        scene = trimesh.load_scene(path, process=False)
+        scene = _scene_of(path)
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
     except Exception as error:  # whatever the readers of trimesh stumble over
         raise InputFileError(
@@ -48,6 +50,18 @@ def read_meshes(path: str | Path) -> list[SurfaceMesh]:
         return [_surface_mesh(part, name) for part, name in zip(parts, names, strict=True)]
     except ProblemError as error:
         raise InputFileError(f"{path}: {error}") from None
+
+
+def _scene_of(path: Path) -> Any:
+    """What a file holds, as trimesh reads it."""
+    import trimesh
+
+    text = without_concave_polygons(path.read_text(errors="replace")) if path.suffix.lower() == ".obj" else None
+    if text is None:
+        return trimesh.load_scene(path, process=False)
+    # Materials lie beside it.
+    resolver = trimesh.resolvers.FilePathResolver(str(path))
+    return trimesh.load_scene(io.StringIO(text), file_type="obj", resolver=resolver, process=False)
 
 
 def _surface_mesh(part: Any, name: str) -> SurfaceMesh:
