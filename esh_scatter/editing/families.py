@@ -8,10 +8,12 @@ import bpy
 
 from ..targets.target import FAMILY_OF, is_result, members_of, put_offset, shown_collection
 
-__all__ = ["as_placed", "heads_in"]
+__all__ = ["as_placed", "heads_in", "metaballs_on"]
 
 # What has a footprint: others, such as lights and cameras, are passed over. Of metaballs Blender's nodes show nothing.
 SCATTERED_TYPES = {"MESH", "CURVE", "SURFACE", "FONT"}
+# What has no footprint, and comes along where it hangs on something that has: the lamp of a post.
+COMPANIONS = {"LIGHT"}
 
 
 def heads_in(candidates: Iterable[bpy.types.Object], targets: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:
@@ -37,6 +39,12 @@ def as_placed(
     return found
 
 
+def metaballs_on(heads: Sequence[bpy.types.Object]) -> list[str]:
+    """Return the names of metaballs that hang on objects, and that nothing shows where these are placed."""
+    hanging = _hanging() if heads else {}
+    return sorted(item.name for head in heads for item in _with_hanging(head, hanging) if item.type == "META")
+
+
 def _ancestors(item: bpy.types.Object) -> Iterable[bpy.types.Object]:
     while item.parent is not None:
         item = item.parent
@@ -57,15 +65,25 @@ def _family(
     hanging: dict[bpy.types.Object, list[bpy.types.Object]],
     targets: Sequence[bpy.types.Object],
 ) -> list[bpy.types.Object]:
-    """Return what can be placed of an object and all that hangs on it."""
-    family, waiting = [], [head]
+    """Return what is placed of an object and all that hangs on it; nothing where there are only lights."""
+    family = [
+        item
+        for item in _with_hanging(head, hanging)
+        if (item.type in COMPANIONS or members_of(item)) and not is_result(item) and item not in targets
+    ]
+    return family if any(item.type not in COMPANIONS for item in family) else []
+
+
+def _with_hanging(
+    head: bpy.types.Object, hanging: dict[bpy.types.Object, list[bpy.types.Object]]
+) -> Iterable[bpy.types.Object]:
+    """Return an object and all that hangs on it; what was deleted from its scene still hangs there, and is left out."""
+    waiting = [head]
     while waiting:
         item = waiting.pop()
-        # What was deleted from its scene still hangs there.
-        if members_of(item) and item.users_scene and not is_result(item) and item not in targets:
-            family.append(item)
+        if item.users_scene:
+            yield item
         waiting += hanging.get(item, ())
-    return family
 
 
 def _collection_of(head: bpy.types.Object, family: Sequence[bpy.types.Object]) -> bpy.types.Collection:

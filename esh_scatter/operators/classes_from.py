@@ -17,7 +17,7 @@ from ...engine.problem.scatter_settings import TargetSettings
 from ..properties.described import values_from
 from ..properties.scene import active_scatter, selected_scatter
 from ..result.scene_units import sentence
-from .edit import Edit
+from .edit import Edit, warn_of_metaballs
 
 __all__ = ["CLASSES", "ClassesFromObjects"]
 
@@ -114,7 +114,9 @@ class ClassesFromObjects(Edit):
         from ..editing.families import as_placed, heads_in
 
         targets = selected_scatter(context).targets
-        return self._add(context, as_placed(heads_in(candidates, targets), targets))
+        heads = heads_in(candidates, targets)
+        warn_of_metaballs(self, heads)
+        return self._add(context, as_placed(heads, targets))
 
     def _add(self, context: bpy.types.Context, items: Sequence[bpy.types.Object | bpy.types.Collection]) -> set[str]:
         from ..editing.selection import add_classes, measure

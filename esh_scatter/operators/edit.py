@@ -3,6 +3,7 @@
 # Properties are annotations that are calls, which Blender reads and mypy cannot.
 # mypy: disable-error-code="valid-type"
 
+from collections.abc import Sequence
 from typing import Any
 
 import bpy
@@ -24,6 +25,7 @@ __all__ = [
     "select_points",
     "settings_editable",
     "stood_on",
+    "warn_of_metaballs",
 ]
 
 
@@ -177,3 +179,13 @@ def remove_at(collection: Any, index: int) -> int:
     """Remove an entry of one of Blender's lists and return which is selected then."""
     collection.remove(index)
     return max(0, min(index, len(collection) - 1))
+
+
+def warn_of_metaballs(operator: bpy.types.Operator, heads: Sequence[bpy.types.Object]) -> None:
+    """Say which of the things that hang on objects are not placed with them, because geometry nodes show none of their kind."""
+    from ..editing.families import metaballs_on
+
+    if names := metaballs_on(heads):
+        operator.report(
+            {"WARNING"}, f"Left out: geometry nodes show no metaballs; convert to a mesh: {', '.join(names)}"
+        )

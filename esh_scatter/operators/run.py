@@ -24,7 +24,7 @@ from ..result.real_objects import discard_real, real_objects_of
 from ..result.scene_units import in_scene_units, sentence
 from ..solving import running
 from ..targets.target import members_of
-from .edit import remove_at, settings_editable, stood_on
+from .edit import remove_at, settings_editable, stood_on, warn_of_metaballs
 
 if TYPE_CHECKING:
     from ..api import ScatterResult
@@ -389,7 +389,9 @@ class ESH_OT_scatter_selection(ScatterObjects):
     def _sources(self, context: bpy.types.Context) -> list[bpy.types.Object | bpy.types.Collection]:
         from ..editing.families import as_placed
 
-        return as_placed(_selected_sources(context), members_of(stood_on(context.view_layer.objects.active)))
+        heads = _selected_sources(context)
+        warn_of_metaballs(self, heads)
+        return as_placed(heads, members_of(stood_on(context.view_layer.objects.active)))
 
 
 class ESH_OT_example(_Run):

@@ -104,6 +104,65 @@ def test_a_tree_of_which_something_was_deleted_is_not_scattered_in_silence(groun
         assert scatter.classes[1].sizes[0].source_object == trunk, "nothing hangs on it any more"
 
 
+def hang(name, data, parent, place=(0.0, 0.0, 1.0)):
+    """Hang an object of any kind on another."""
+    item = bpy.data.objects.new(name, data)
+    bpy.context.scene.collection.objects.link(item)
+    item.parent, item.location = parent, place
+    return item
+
+
+def test_a_lamp_that_hangs_on_a_post_comes_along_and_takes_no_ground(ground):
+    """Posts came without their lamps, in silence."""
+    post = box("Post", 0.4)
+    bpy.context.view_layer.update()
+    scatter = bpy.context.scene.esh_scatter
+    areas = []
+    for _ in range(2):
+        select(post, ground, active=ground)
+        assert bpy.ops.esh.scatter_selection(most=20) == {"FINISHED"}
+        areas.append(scatter.active.report["classes"][0]["sizes"][0]["area"])
+        names, place = instanced()
+        if "Lamp" not in bpy.data.objects:
+            lamp = hang("Lamp", bpy.data.lights.new("Lamp", "POINT"), post)
+            bpy.ops.esh.scatter_remove()
+    assert areas[0] == areas[1] and names.count("Post") == names.count("Lamp") == 20
+    posts, lamps = (place[np.array(names) == name] for name in ("Post", "Lamp"))
+    np.testing.assert_allclose(np.linalg.norm(lamps[:, None] - posts[None], axis=-1).min(axis=1), 1.0, atol=1e-4)
+    lamp.location.z = 2.0
+    bpy.context.view_layer.update()
+    assert not scatter.active.changes(), "it shows at once where it hangs now"
+    bpy.data.objects.remove(lamp)
+    select(post, ground, active=ground)
+    bpy.ops.esh.classes_from_selection()
+    assert scatter.active.classes[1].sizes[0].source_object == post
+
+
+def test_a_lamp_is_placed_only_with_what_takes_ground(ground):
+    lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    holder = empty("Holder")
+    bpy.context.scene.collection.objects.link(lamp)
+    lamp.parent = holder
+    assert families.heads_in([lamp, holder], [ground]) == []
+
+
+def test_a_metaball_that_hangs_on_an_object_is_named(ground):
+    from esh.esh_scatter.operators import edit
+
+    post = box("Post", 0.4)
+    drop = bpy.data.metaballs.new("Drop")
+    drop.elements.new()
+    hang("Drop", drop, post)
+    told = []
+    operator = type("Told", (), {"report": lambda _self, kind, text: told.append((kind, text))})()
+    edit.warn_of_metaballs(operator, [post])
+    assert told == [({"WARNING"}, "Left out: geometry nodes show no metaballs; convert to a mesh: Drop")]
+    select(post, ground, active=ground)
+    assert bpy.ops.esh.scatter_selection(most=10) == {"FINISHED"}
+    edit.warn_of_metaballs(operator, [ground])
+    assert len(told) == 1
+
+
 def test_leaves_alone_are_placed_alone_and_what_hangs_on_the_ground_is_no_part_of_it(ground):
     trunk = box("Trunk", 0.4)
     leaves = box("Leaves", 1.0, parent=trunk)
