@@ -255,7 +255,10 @@ class ESH_PG_layer(PropertyGroup):
         if kind == "IMAGE":
             return self._image_obstacle(target)
         if kind == "VERTEX_GROUP" and self.vertex_group not in target.vertex_groups:
-            return f'choose a vertex group of "{target.name}"'
+            if not self.vertex_group:
+                return f'choose a vertex group of "{target.name}"'
+            # It was renamed or removed.
+            return f'"{target.name}" has no vertex group "{self.vertex_group}"; choose another one'
         if kind == "ATTRIBUTE" and not self.attribute:
             return f'choose an attribute of "{target.name}"'
         if kind in ("DISTANCE", "INSIDE"):
@@ -282,7 +285,7 @@ class ESH_PG_layer(PropertyGroup):
             if not target.data.uv_layers:
                 return f'"{target.name}" has no UV map; add one, or choose From Above as its mapping'
             if self.uv_map and self.uv_map not in target.data.uv_layers:
-                return f'"{target.name}" has no UV map "{self.uv_map}"'
+                return f'"{target.name}" has no UV map "{self.uv_map}"; choose another one'
         return None
 
     def density(self) -> "Density":

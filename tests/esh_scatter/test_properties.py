@@ -74,6 +74,39 @@ def test_new_classes_get_colors_of_their_own(scatter):
     assert len(colors) == len(CLASS_COLORS)
 
 
+def test_what_a_layer_or_the_faces_name_and_is_gone_is_named(scatter):
+    """Somebody who renames a vertex group knows then which one to look for."""
+    scene, target = bpy.context.scene, scatter.target
+    scatter.classes[1].mute = True
+    layer = scatter.classes[0].add_layer("VERTEX_GROUP")
+    group = target.vertex_groups.new(name="Mask")
+    group.add(range(len(target.data.vertices)), 1.0, "REPLACE")
+    assert scatter.obstacle(scene) == f'Class "Pine": choose a vertex group of "{target.name}"'
+    layer.vertex_group = "Mask"
+    assert scatter.obstacle(scene) is None
+    group.name = "Other"
+    assert scatter.obstacle(scene) == f'Class "Pine": "{target.name}" has no vertex group "Mask"; choose another one'
+    target.data.uv_layers.new(name="Layout")
+    layer.kind, layer.image = "IMAGE", bpy.data.images.new("Where", 4, 4)
+    layer.image_mapping, layer.uv_map = "UV", "Map"
+    assert scatter.obstacle(scene) == f'Class "Pine": "{target.name}" has no UV map "Map"; choose another one'
+    layer.use = False
+    bpy.ops.mesh.primitive_cube_add(size=0.1)
+    for one in scatter.classes:
+        one.sizes[0].source_object, one.sizes[0].count = bpy.context.object, 5
+    for setting, what, has in (
+        ("face_group", "vertex group", "Other"),
+        ("face_attribute", "attribute", ""),
+        ("face_material", "material", "none"),
+    ):
+        setattr(scatter, setting, "Mask")
+        with pytest.raises(RuntimeError) as raised:
+            bpy.ops.esh.scatter()
+        told = str(raised.value)
+        assert f'"{target.name}" has no {what} "Mask"; it has' in told and has in told
+        setattr(scatter, setting, "")
+
+
 def test_every_obstacle_is_said_and_none_is_left_when_all_is_set(scatter):
     scene = bpy.context.scene
     assert scatter.obstacle(scene) is None
@@ -360,7 +393,7 @@ def test_a_collection_is_a_target(scatter):
     assert scatter.arguments(scene)[0][0] == holder
     # One of them has what a class asks for.
     scatter.classes[0].add_layer("VERTEX_GROUP", vertex_group="moss")
-    assert "Pine is left out: choose a vertex group" in scatter.left_out()[0]
+    assert scatter.left_out()[0] == 'Pine is left out: "Boulder" has no vertex group "moss"; choose another one'
     rocks[0].vertex_groups.new(name="moss")
     assert scatter.left_out() == []
     scatter.remember(rocks[0], {"steps": 3})
