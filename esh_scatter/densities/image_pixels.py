@@ -22,6 +22,11 @@ __all__ = ["FIRST_TILE", "TILES_IN_ROW", "StoredImage", "image_pixels", "read_im
 FIRST_TILE = 1001
 TILES_IN_ROW = 10
 _CHANNELS = ("red", "green", "blue")
+# Images that Blender tells scripts no pixels of, though their files hold some: which frame is meant, only who shows them says.
+_ONLY_SHOWN = {
+    "SEQUENCE": "it is an image sequence, of which no frame can be read: set its Source to Single Image",
+    "MOVIE": "it is a movie, of which no frame can be read: use an image instead",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +68,8 @@ def image_pixels(image: bpy.types.Image, key: str) -> np.ndarray:
     """Return the stored values of an image, shape ``[height, width, channels]``, float32, row 0 at the top.
 
     Raises:
-        ProblemError: The image has no pixels, because its file is missing or is no image; or it was removed from the file.
+        ProblemError: The image has no pixels, because its file is missing or is no image, or because it has many frames; or it was
+            removed from the file.
     """
     check_exists(image, key)
     width, height = image.size
@@ -71,6 +77,7 @@ def image_pixels(image: bpy.types.Image, key: str) -> np.ndarray:
     if width * height * channels == 0 or len(image.pixels) != width * height * channels:
         path = bpy.path.abspath(image.filepath, library=image.library) if image.filepath else ""
         where = f"its file {path} is missing or cannot be read" if path else "it holds none"
+        where = _ONLY_SHOWN.get(image.source, where)
         raise ProblemError(f'{key}: image "{image.name}" must have pixels; {where}')
     pixels = np.empty(width * height * channels, np.float32)
     image.pixels.foreach_get(pixels)

@@ -182,6 +182,19 @@ def test_a_missing_file_and_a_missing_uv_map_are_named(ground, stone):
         ImageDensity(new_image(STRIPE), uv_map="Turned")
 
 
+@pytest.mark.parametrize(("source", "word"), [("SEQUENCE", "an image sequence"), ("MOVIE", "a movie")])
+def test_what_has_frames_is_not_said_to_miss_its_file(ground, stone, tmp_path, source, word):
+    kept = new_image(np.ones((4, 4)))
+    kept.filepath_raw, kept.file_format = str(tmp_path / "frame_001.png"), "PNG"
+    kept.save()
+    image = bpy.data.images.load(str(tmp_path / "frame_001.png"))
+    image.source = source
+    with pytest.raises(EshError, match=f"must have pixels; it is {word}, of which no frame can be read: "):
+        placed(ground, stone, image)
+    image.source = "FILE"
+    assert len(placed(ground, stone, image, 20)) == 20
+
+
 def test_density_counts_per_area_of_surface(stone):
     """A flat half and one that rises by 60 degrees, of equal width seen from above: the steep one has twice the surface."""
     roof = new_object(
