@@ -14,16 +14,18 @@ __all__ = ["as_placed", "heads_in", "metaballs_on"]
 SCATTERED_TYPES = {"MESH", "CURVE", "SURFACE", "FONT"}
 # What has no footprint, and comes along where it hangs on something that has: the lamp of a post.
 COMPANIONS = {"LIGHT"}
+# What has no geometry and can be chosen for what hangs on it: rigs, and the empties that imported models hang on.
+HOLDERS = {"EMPTY", "ARMATURE", "LATTICE", "LIGHT"}
 
 
 def heads_in(candidates: Iterable[bpy.types.Object], targets: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:
     """Return those of some objects that can be placed on targets, by name; what hangs on another of them is part of that one."""
     given = [item for item in candidates if item not in targets and not is_result(item)]
     found = {item for item in given if item.type in SCATTERED_TYPES or shown_collection(item) is not None}
-    empties = [item for item in given if item.type == "EMPTY" and item not in found]
-    # Imported models hang on them. To look for what does goes through the file.
-    hanging = _hanging() if empties else {}
-    found |= {item for item in empties if _family(item, hanging, targets)}
+    holders = [item for item in given if item.type in HOLDERS and item not in found]
+    # To look for what hangs on them goes through the file.
+    hanging = _hanging() if holders else {}
+    found |= {item for item in holders if _family(item, hanging, targets)}
     heads = [item for item in found if not any(one in found for one in _ancestors(item))]
     return sorted(heads, key=lambda item: item.name_full)
 

@@ -271,6 +271,31 @@ def test_an_empty_is_placed_only_with_what_hangs_on_it(ground):
     assert not bpy.ops.esh.scatter_selection.poll()
 
 
+@pytest.mark.parametrize("kind", ["ARMATURE", "LATTICE", "LIGHT"])
+@pytest.mark.parametrize("both", [False, True])
+def test_a_rig_is_placed_with_the_mesh_that_hangs_on_it(ground, kind, both):
+    """It was refused, though all of a character hangs on it."""
+    data = {
+        "ARMATURE": lambda: bpy.data.armatures.new("Rig"),
+        "LATTICE": lambda: bpy.data.lattices.new("Rig"),
+        "LIGHT": lambda: bpy.data.lights.new("Rig", "POINT"),
+    }[kind]()
+    rig = bpy.data.objects.new("Rig", data)
+    bpy.context.scene.collection.objects.link(rig)
+    rig.location = (-40.0, 0.0, 0.0)
+    bpy.context.view_layer.update()
+    body = box("Body", 1.0, (-40.0, 0.0, 2.0), rig)
+    if kind == "ARMATURE":
+        body.modifiers.new("Armature", "ARMATURE").object = rig
+    select(rig, *([body] if both else []), ground, active=ground)
+    assert bpy.ops.esh.scatter_selection(most=10) == {"FINISHED"}
+    (body_class,) = bpy.context.scene.esh_scatter.active.classes
+    assert (body_class.name, body_class.count) == ("Rig", 10)
+    names, place = instanced()
+    assert names.count("Body") == 10 and names.count("Rig") == (10 if kind == "LIGHT" else 0)
+    np.testing.assert_allclose(place[np.array(names) == "Body"][:, 2], 2.0, atol=1e-4)
+
+
 def test_a_preset_takes_families_too(ground):
     trunk = box("Trunk", 0.4)
     box("Leaves", 1.0, (0.0, 0.0, 2.0), trunk)
