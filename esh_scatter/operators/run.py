@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
-from ...engine.errors import EshError, ProblemError
+from ...engine.errors import EshError
 from ...engine.problem.scatter_settings import ScatterSettings, TargetSettings
 from ...engine.problem.settings import settings_of
 from ..editing.amount_ahead import bodies_ahead, question
@@ -147,6 +147,8 @@ class _Run(bpy.types.Operator):
         if event.value == "PRESS" and (event.type == "ESC" or _means_undo(event)):
             running.stop("Stopped. Nothing was changed")
         session = running.session
+        if session is not None and event.type == "TIMER" and session.is_lost:
+            running.stop("Stopped, because the scatter was removed during the run. Nothing was placed")
         if session is None or session.stop_reason:
             return self._stopped(context, session)
         if event.type == "TIMER":
@@ -161,7 +163,9 @@ class _Run(bpy.types.Operator):
 
     def _stopped(self, context: bpy.types.Context, session: "Session | None") -> set[str]:
         running.end()
-        self._undo(context)
+        # What was removed is not to be changed back.
+        if session is None or not session.is_lost:
+            self._undo(context)
         self.report({"WARNING"}, session.stop_reason if session else "Stopped. Nothing was changed")
         return {"CANCELLED"}
 
@@ -185,10 +189,8 @@ class _Run(bpy.types.Operator):
         try:
             if session.run.error is not None:
                 raise session.run.error
-            scatters = session.scene.esh_scatter.scatters
-            if session.scatter_index >= len(scatters):
-                raise ProblemError("the settings of this scatter were removed during the run; nothing was placed")
-            settings = scatters[session.scatter_index]
+            settings = session.scatter
+            assert settings is not None
             settings.forget_deleted_result()
             result = session.job.write()
         except EshError as error:

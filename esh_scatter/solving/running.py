@@ -65,7 +65,6 @@ class Session:
     Attributes:
         job: The API's job, whose ``write`` is called at the end, on the main thread; or a survey that comes before it.
         run: The thread.
-        scatter_index: Which of the scene's scatters.
         device: Where it runs, by the name that the engine gives it.
         stop_reason: Why it ends early, as a sentence; empty while it runs.
         keeps: Whether it ends early with what is there.
@@ -79,7 +78,8 @@ class Session:
     def __init__(self, context: bpy.types.Context, job: Any) -> None:
         self.job = job
         self._scene = Reference(context.scene, "scene")
-        self.scatter_index = context.scene.esh_scatter.scatter_index
+        # Of the scatter that is solved; what comes before a job has none yet.
+        self._uid = _uid_of(context.scene.esh_scatter.active) if hasattr(job, "write") else None
         self.device = str(getattr(job, "device", ""))
         self.stop_reason = ""
         self.keeps = False
@@ -110,9 +110,15 @@ class Session:
             self.run.ask()
 
     @property
-    def scene(self) -> bpy.types.Scene:
-        """The scene whose scatter it is; raises ProblemError once it is no longer in the file."""
-        return self._scene.get()
+    def scatter(self) -> Any:
+        """The settings that are solved, or None once they or their scene are no longer in the file."""
+        scene = self._scene.find()
+        return next((one for one in scene.esh_scatter.scatters if one.uid == self._uid), None) if scene else None
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether what the result would belong to was removed from the file, as a script can."""
+        return self._scene.find() is None if self._uid is None else self.scatter is None
 
     @property
     def factor(self) -> float:
@@ -151,6 +157,13 @@ class Session:
             self._shown, self._asked = self.text, now
             _set_status(f"ESH Scatter: {self.text}   |   Esc: stop without changes")
             redraw_sidebars()
+
+
+def _uid_of(scatter: Any) -> int:
+    """Return a scatter's number, by which it is known wherever it is in its list."""
+    if not scatter.uid:
+        scatter.give_own_uid()
+    return int(scatter.uid)
 
 
 def may_compile(device: str) -> bool:

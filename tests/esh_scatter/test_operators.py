@@ -352,6 +352,42 @@ def test_a_stopped_run_leaves_what_was_there(scatter, monkeypatch, how):
     assert [kind for kind, _ in window.reports] == ["WARNING"]
 
 
+@pytest.mark.parametrize("what", ["the scatter", "the one before it", "the scene", "the scene of a survey"])
+def test_a_run_whose_scatter_is_removed_by_a_script_ends_at_once(scatter, monkeypatch, what):
+    """It was solved to its end, and what it placed was taken for that of the scatter that came into its place."""
+    scenes = bpy.context.scene.esh_scatter
+    scene = bpy.context.scene
+    scenes.add_scatter(scatter.target)
+    if what == "the one before it":
+        scenes.add_scatter(scatter.target)
+    scenes.scatter_index = 1 if what == "the one before it" else 0
+    job = Job()
+    if what == "the scene of a survey":
+        job = SimpleNamespace(solve=job.solve, written=False)
+    window = Window(monkeypatch, job)
+    chosen = scenes.scatters[scenes.scatter_index].name
+    run = running.session.run
+    assert window.send("TIMER") == {"PASS_THROUGH"}
+    undone, finished = [], []
+    window.operator._undo = lambda _context: undone.append(1)
+    window.operator._finish = lambda settings, _result: finished.append(settings.name) or {"FINISHED"}
+    if "scene" in what:
+        bpy.data.scenes.new("Other")
+        bpy.data.scenes.remove(scene)
+    else:
+        scenes.scatters.remove(0)
+    if what == "the one before it":
+        assert window.send("TIMER") == {"PASS_THROUGH"}, "it goes on, and its result is its own"
+        running.keep()
+        assert window.run_to_end() == {"FINISHED"} and finished == [chosen]
+        return
+    assert window.send("TIMER") == {"CANCELLED"}
+    run.join(30)
+    assert not run.running and not job.written and not undone and running.session is None
+    told = "Stopped, because the scatter was removed during the run. Nothing was placed"
+    assert window.reports == [("WARNING", told)]
+
+
 def test_keep_takes_what_is_there(scatter, monkeypatch):
     job = Job()
     window = Window(monkeypatch, job)
