@@ -11,7 +11,7 @@ from ..result.scene_units import area_unit
 from ..targets.target import members_of
 from .asset_shelf import draw_choice_of_asset
 from .density_panel import draw_density
-from .panel_parts import SubPanel, draw_image, draw_list, draw_property, draw_settings, write_text
+from .panel_parts import SubPanel, draw_image, draw_list, draw_property, draw_settings, write_header, write_text
 
 __all__ = ["CLASSES"]
 
@@ -34,7 +34,7 @@ class ESH_PT_class(_ClassPanel, bpy.types.Panel):
 
     def draw_header(self, context: bpy.types.Context) -> None:
         """Name the class."""
-        self.layout.label(text=selected_class(context).name)
+        write_header(context, self.layout, selected_class(context).name)
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw what is placed and how many; the list of sizes where there are several."""

@@ -24,6 +24,7 @@ __all__ = [
     "text_width",
     "units_of",
     "width_of",
+    "write_header",
     "write_text",
 ]
 
@@ -88,6 +89,14 @@ def units_of(context: bpy.types.Context, text: str) -> float:
 def is_narrow(context: bpy.types.Context) -> bool:
     """Tell whether the sidebar is so narrow that names need the room of what may be missing."""
     return width_of(context) <= NARROW
+
+
+def write_header(context: bpy.types.Context, header: bpy.types.UILayout, text: str) -> None:
+    """Draw the header of a panel within another; what is too long has dots in its middle, where Blender would let it run out."""
+    room = width_of(context) - MARGINS - ICON
+    if text_width(context, text) + AROUND > room:
+        header.ui_units_x = room / UNIT
+    header.label(text=text)
 
 
 def draw_property(

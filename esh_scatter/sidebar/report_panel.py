@@ -76,9 +76,7 @@ def _draw_counts(layout: bpy.types.UILayout, report: dict[str, Any], names: list
         cell.alignment = "RIGHT"
         cell.label(text=count)
         if any(other for _, _, other in rows):
-            last = row.row()
-            last.active = False
-            last.label(text=spread)
+            row.label(text=spread)
 
 
 def _draw_fact(layout: bpy.types.UILayout, label: str, value: str, icon: str = "NONE") -> None:

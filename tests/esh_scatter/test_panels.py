@@ -427,6 +427,22 @@ def test_a_narrow_sidebar_cuts_no_names():
     }
 
 
+@pytest.mark.parametrize("width", [200, 250, 400])
+def test_a_long_name_in_a_header_is_as_wide_as_the_sidebar(width):
+    """Blender cuts what has a width, and lets all else run out of a header, or leaves it out."""
+    names = ("Pine", "Very long name of a class that has many words 2")
+    widths = {}
+    for name in names:
+        rows = []
+        header = Layout(rows)
+        panel_parts.write_header(shown_context(width), header, name)
+        assert rows == [name]
+        widths[name] = header.__dict__.get("ui_units_x")
+    assert widths[names[0]] is None
+    fits = panel_parts.text_width(shown_context(), names[1]) < width - 100
+    assert fits if widths[names[1]] is None else 5.0 < widths[names[1]] <= (width - 80) / 20
+
+
 @pytest.mark.parametrize("width", [200, 250, 283, 400])
 def test_lines_are_as_full_as_they_can_be(width):
     context, drawn = shown_context(width), []
