@@ -5,9 +5,12 @@ Properties call these functions when a name changes, so this module does not imp
 
 from itertools import count
 
-from bpy.types import PropertyGroup
+from bpy.types import Object, PropertyGroup
 
-__all__ = ["class_renamed", "keep_name_unused", "scatter_of", "scatter_renamed", "unused_name"]
+__all__ = ["class_renamed", "keep_name_unused", "scatter_of", "scatter_renamed", "take_name_of_result", "unused_name"]
+
+# Bytes of a name that every Blender keeps; what is longer may have been cut.
+KEPT = 63
 
 
 def unused_name(name: str, taken: set[str]) -> str:
@@ -49,6 +52,16 @@ def scatter_renamed(item: PropertyGroup, context: object) -> None:
     result = item.result_in(item.id_data)
     if result is not None and result.library is None:
         rename_result(result, item.name)
+
+
+def take_name_of_result(item: PropertyGroup, result: Object) -> None:
+    """Rename a scatter as somebody has renamed its result; that Blender numbers a name which is taken, or cuts it, is no new name."""
+    name = result.name
+    stem, _, number = name.rpartition(".")
+    given = stem if stem and number.isdecimal() else name
+    is_cut = len(given.encode()) >= KEPT - len(".001") and item.name.startswith(given)
+    if item.name not in (name, given) and not is_cut:
+        item.name = name
 
 
 def scatter_of(item: PropertyGroup) -> PropertyGroup:

@@ -20,7 +20,7 @@ from .asked_once import asked_once
 from .body_class import CLASS_COLORS, ESH_PG_class
 from .described import values_from, with_properties
 from .entries import entry_at
-from .names import scatter_renamed, unused_name
+from .names import scatter_renamed, take_name_of_result, unused_name
 from .obstacle import ESH_PG_free_place, ESH_PG_obstacle
 from .placed import ESH_PG_placed, remember_placed, replaced
 from .shown_at_once import show_class_anew, stand_class_anew
@@ -309,6 +309,8 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         few = self.result != result or words.placed(self.report) <= self.points_above
         if few and words.placed(report) > self.points_above:
             begin_with_points(result)
+        if self.result == result and result.library is None:
+            take_name_of_result(self, result)
         self.result = result
         # Which objects overlap, the points say. Whether they may, and stand in clumps, only the settings that it was made with.
         kept = {name: value for name, value in words.kept(report).items() if name != "overlapping"}

@@ -117,6 +117,31 @@ def test_what_is_painted_or_sculpted_is_scattered_on_without_leaving_the_mode(sc
     assert not bpy.ops.esh.scatter.poll(), "what Edit Mode holds cannot be read"
 
 
+def test_a_scatter_takes_the_name_that_its_result_was_given(scatter):
+    bpy.ops.esh.scatter()
+    result, first = scatter.result, scatter.name
+    other = bpy.context.scene.esh_scatter.add_scatter(scatter.target)
+    other.name = "Meadow"
+    bpy.context.scene.esh_scatter.scatter_index = 0
+    result.name = "Forest"
+    assert scatter.name == first
+    bpy.ops.esh.scatter()
+    assert scatter.name == result.name == "Forest" and scatter.result == result
+    result.name = "Meadow"
+    bpy.ops.esh.scatter()
+    assert scatter.name == result.name == "Meadow 2", "no two scatters have one name"
+    # Blender numbers what is taken, and cuts what is long.
+    bpy.data.objects.new("Hill", None)
+    scatter.name = "Hill"
+    assert result.name == "Hill.001"
+    bpy.ops.esh.scatter()
+    assert (scatter.name, result.name) == ("Hill", "Hill.001")
+    scatter.name = "Hill " * 80
+    long = scatter.name
+    bpy.ops.esh.scatter()
+    assert scatter.name == long != result.name
+
+
 def test_renaming_a_scatter_renames_its_result(scatter):
     bpy.ops.esh.scatter()
     result = scatter.result
