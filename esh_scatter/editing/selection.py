@@ -33,6 +33,8 @@ BELOW_ORIGIN = 0.35
 # Ground is scattered on from above if so much of what does not look down is seen there: of hills all is, however steep, of a ball
 # most, of a wall a twentieth. What looks down may be a terrain's bottom.
 LEAST_OPEN = 0.4
+# What covers so much of the ground as one object may be more of it: the next tile of a terrain.
+AS_LARGE = 0.8
 # What leans over by less is a wall, and does not look down.
 WALL = 0.1
 
@@ -153,6 +155,10 @@ class SelectionSurvey:
     def ground_for(self, measured: Sequence[Measured]) -> float:
         """Return how much ground there is for some objects [m²]: of a steep slope what stands upright takes more than it covers."""
         return self._seen if any(one.upright for one in measured) else self.area
+
+    def as_large(self, measured: Sequence[Measured]) -> list[str]:
+        """Return the names of objects that are as large as the ground, and do not stand upright: more ground, perhaps."""
+        return [one.item.name for one in measured if not one.upright and one.area > AS_LARGE * self._seen]
 
     def measured(self) -> tuple[list[Measured], list[str], list[str]]:
         """Return what :func:`measure` does, of what is still there; and the names of those that are longer than the ground."""

@@ -286,6 +286,19 @@ def test_what_the_solver_refuses_leaves_no_settings(ground, objects, monkeypatch
     assert len(bpy.context.scene.esh_scatter.scatters) == 0
 
 
+def test_another_tile_of_the_ground_among_the_objects_is_told_of(ground, objects, capfd):
+    """Two tiles and a stone were selected, and one tile was placed on the other, in silence."""
+    told = "is as large as the ground: to scatter on it as well, choose a collection of both as the target"
+    select(*objects, ground, active=ground)
+    assert bpy.ops.esh.scatter_selection(most=20) == {"FINISHED"}
+    assert told not in capfd.readouterr().out
+    bpy.ops.esh.scatter_remove()
+    select(*objects, box("Tile", 20.0, 20.0, 0.0), box("Tower", 20.0, 20.0, 90.0), ground, active=ground)
+    assert bpy.ops.esh.scatter_selection(most=20) == {"FINISHED"}
+    said = capfd.readouterr().out
+    assert said.count(told) == 1 and f'"Tile" {told}' in said
+
+
 def test_counts_are_in_inverse_proportion_to_widths():
     assert selection.pleasant_counts([4.0, 1.0, 0.25], 350.0, 0.5, 10_000) == [25, 50, 100]
     assert selection.pleasant_counts([1.0, 1.0], 1e6, 0.5, 100) == [50, 50]
