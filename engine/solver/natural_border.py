@@ -35,6 +35,9 @@ __all__ = ["SMOOTH_OVER_SPACING", "SMOOTH_STEPS", "STEPS_WITHIN", "Kept", "Natur
 # there. For rare classes no farther than this share of the domain, unless that is nearer than so many spacings of all bodies.
 REACH = 5.0
 MOST_OF_DOMAIN = 0.2
+# Unless all ground, and what lies so far beyond its edges, is so many times as large as where bodies may be. Measured on 500 bodies in
+# one of 200 x 200 pixels: a run takes 0.7 s instead of 93 s; in a spot of 8 pixels' radius smallest spacings are .81 instead of .64.
+MOST_BEYOND = 25.0
 # Width of the blur between two charges over their spacing while the cut is evened out, and steps of that. Measured on 4,096 bodies,
 # uniform: errors at k = 1 and 2 are .0210 and .0106 as cut, .0029 and .0001 after ten steps (open: .0016 and .0003), and the largest
 # number at any distance from the border 1.5 times even (open: 5.8). With 1.0 these are .0010, .0001 and 2.2, with 2.0 .0063, .0005 and
@@ -79,12 +82,16 @@ class NaturalBorder:
     def __init__(self, launcher: Launcher, problem: Problem) -> None:
         self._asked = problem
         domain = problem.rectangle
+        share = [_share_of_ground(c) for c in problem.classes]
         least = REACH * math.sqrt(domain.area / problem.body_count)
+        if float(np.prod(np.add(domain.size, 2.0 * least))) > MOST_BEYOND * domain.area * max(share):
+            # In a small spot bodies are so much closer that they would be placed by the million around it.
+            least *= math.sqrt(max(share))
         most = max(least, MOST_OF_DOMAIN * min(domain.size))
         # Of few bodies spacings are wider than the domain.
         wanted = [
-            min(REACH * math.sqrt(domain.area * _share_of_ground(c) / c.body_count), most, max(domain.size))
-            for c in problem.classes
+            min(REACH * math.sqrt(domain.area * own / c.body_count), most, max(domain.size))
+            for own, c in zip(share, problem.classes, strict=True)
         ]
         reach = [max(own, min(least, max(domain.size))) for own in wanted]
         images = [c.density_image for c in problem.classes]

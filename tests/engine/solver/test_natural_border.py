@@ -358,3 +358,19 @@ def test_strokes_across_the_border_leave_no_close_pairs_there():
     assert len(painted) > 15
     assert nearest.min() > 0.35
     assert (nearest < 0.6).mean() < 0.1
+
+
+def test_around_a_small_spot_there_are_not_millions_of_bodies():
+    y, x = np.mgrid[:200, :200]
+    spot = (np.hypot(x - 60, y - 100) < 4.0).astype(float)
+    size = esh.Size("s", 1e-6, 400)
+    problem = esh.Problem(esh.Domain((10.0, 10.0), "natural"), [esh.BodyClass("a", [size], spot)])
+    with esh.Solver(problem, device="cpu") as solver:
+        assert solver.descent.model.body_count < 20 * 400
+        solver.run(60)
+        placement = solver.placement()
+    assert len(placement.position) == 400
+    away = np.hypot(*(placement.position - (3.025, 4.975)).T)
+    assert away.max() < 0.23
+    apart = np.linalg.norm(placement.position[:, None] - placement.position[None], axis=2) + 9.0 * np.eye(400)
+    assert apart.min() > 0.4 * np.sqrt(100.0 * spot.mean() / 400)
