@@ -22,8 +22,11 @@ _SOCKETS = {
     "BOOLEAN": "NodeSocketBool",
     "VECTOR": "NodeSocketVector",
     "ROTATION": "NodeSocketRotation",
+    "MATRIX": "NodeSocketMatrix",
     "GEOMETRY": "NodeSocketGeometry",
 }
+# And those that take a value of Python; truth values are whole numbers there, too.
+_VALUES = ((bool, "NodeSocketBool"), (int, "NodeSocketInt"), (float, "NodeSocketFloat"), (tuple, "NodeSocketVector"))
 
 
 class Tree:
@@ -233,7 +236,7 @@ def _socket_for(value: Any) -> str:
         return _SOCKETS[value.type]
     if isinstance(value, bpy.types.Collection):
         return "NodeSocketCollection"
-    return "NodeSocketInt" if isinstance(value, int) else "NodeSocketObject"
+    return next((socket for kind, socket in _VALUES if isinstance(value, kind)), "NodeSocketObject")
 
 
 def _shown(sockets: Any, name: str) -> Socket:

@@ -9,7 +9,7 @@ import bpy
 
 from ..targets.references import Reference
 from .display import our_modifier
-from .node_group import MADE_OF, Followed, followed_targets, placed_objects
+from .node_group import MADE_OF, Followed, Rest, followed_targets, placed_objects
 from .result import NAME, set_node_group
 
 __all__ = ["EmptiedGroup", "empty_group", "fill_group"]
@@ -23,7 +23,7 @@ class EmptiedGroup:
     name: str
     sources: tuple[Reference, ...]
     classes: tuple[str, ...]
-    followed: tuple[tuple[Reference, int, bool | None], ...]
+    followed: tuple[tuple[Reference, int, bool | None, Rest | None], ...]
 
 
 def empty_group(item: bpy.types.Object) -> EmptiedGroup | None:
@@ -59,7 +59,7 @@ def fill_group(kept: EmptiedGroup) -> None:
     if modifier is None or all(node.node_tree is not None for node in _part_nodes(modifier.node_group)):
         return
     sources = [source.find() for source in kept.sources]
-    followed = [Followed(target.find(), vertices, over) for target, vertices, over in kept.followed]
+    followed = [Followed(target.find(), vertices, over, rest) for target, vertices, over, rest in kept.followed]
     if any(source is None for source in sources) or any(one.target is None for one in followed):
         # The next run makes it anew.
         modifier.node_group[MADE_OF] = ""

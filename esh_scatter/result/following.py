@@ -10,21 +10,30 @@ import numpy as np
 from ...engine.problem.unit_vectors import unit_vectors
 from ...engine.surface.surface_points import SurfacePoints
 from ...engine.surface.triangle_mesh import TriangleMesh
-from .node_group import ALIGN, EDGE, FACE_NORMAL, GROUND_POINT, Followed
+from .node_group import ALIGN, EDGE, FACE_NORMAL, GROUND_POINT, Followed, Rest
 
 __all__ = ["follow_attributes", "followed"]
 
 
-def followed(targets: Sequence[bpy.types.Object], mesh: TriangleMesh, mirrored: Sequence[bool]) -> list[Followed]:
+def followed(targets: Sequence[bpy.types.Object], mesh: TriangleMesh, stood: Sequence[np.ndarray]) -> list[Followed]:
     """Return what the points on targets follow, each with the vertices that it had.
 
     Args:
         targets: In the order of ``esh_target``.
         mesh: All of them as one.
-        mirrored: Which of them were mirrored when they were read.
+        stood: Their matrices when they were read, shape ``[4, 4]``.
     """
     count = np.diff([*mesh.first_vertex, len(mesh.position)])
-    return [Followed(item, int(n), over) for item, n, over in zip(targets, count, mirrored, strict=True)]
+    return [
+        Followed(item, int(n), bool(np.linalg.det(matrix[:3, :3]) < 0.0), _rest(matrix))
+        for item, n, matrix in zip(targets, count, stood, strict=True)
+    ]
+
+
+def _rest(matrix: np.ndarray) -> Rest:
+    """Return how a target stood, as nodes hold it; a flat one has no way back from its plane, and needs none."""
+    rows = [matrix[:3, 3], *np.linalg.pinv(matrix[:3, :3])]
+    return Rest(*(tuple(row.astype(np.float32).tolist()) for row in rows))
 
 
 def follow_attributes(points: SurfacePoints, align: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:

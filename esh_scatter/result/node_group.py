@@ -34,16 +34,20 @@ __all__ = [
     "UP",
     "WEIGHTS",
     "Followed",
+    "Rest",
     "build_node_group",
     "followed_targets",
     "kind_of",
     "made_of",
     "placed_objects",
     "placing_inputs",
+    "put_at_rest",
     "show_input",
 ]
 
 INSTANCE_INDEX = "instance_index"
+# Which nodes a group has: with another number results get new ones in their next run.
+LAYOUT = 2
 # What a group was made of apart from its objects, as a custom property.
 MADE_OF = "esh_made_of"
 ROTATION = "rotation"
@@ -66,15 +70,25 @@ UP = (0.0, 0.0, 1.0)
 ROUNDING = 3e-7
 
 
-class Followed(NamedTuple):
-    """What points follow: a target, how many vertices it had, and whether it was mirrored, which turns triangles over.
+class Rest(NamedTuple):
+    """How a target stood when points were placed on it: where its origin was, and the rows of what turns directions into its own."""
 
-    Groups of earlier versions do not look whether it is: there it is None.
+    place: tuple[float, ...]
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    z: tuple[float, ...]
+
+
+class Followed(NamedTuple):
+    """What points follow: a target, how many vertices it had, whether it was mirrored, which turns triangles over, and how it stood.
+
+    Groups of earlier versions do not look whether it is mirrored, or how it stands: there these are None.
     """
 
     target: bpy.types.Object
     vertices: int
     mirrored: bool | None = False
+    rest: Rest | None = None
 
 
 def show_input(class_name: str) -> str:
@@ -113,13 +127,44 @@ def followed_targets(group: bpy.types.NodeTree) -> list[Followed]:
     found = []
     for part in parts_of(group):
         for info in (node for node in part.nodes if node.bl_idname == "GeometryNodeObjectInfo"):
+            item, told = info.inputs["Object"].default_value, _triangle_node(info)
+            if told is not None:
+                given = told.inputs
+                found.append(
+                    Followed(item, given["vertices"].default_value, given["side"].default_value < 0.0, _rest_of(told))
+                )
+                continue
+            # In files of earlier versions.
             sizes = [link.to_node for link in info.outputs["Geometry"].links]
             sizes = [node for node in sizes if node.bl_idname == "GeometryNodeAttributeDomainSize"]
             for compare in (link.to_node for size in sizes for link in size.outputs["Point Count"].links):
                 numbers = [socket for socket in compare.inputs if socket.enabled and not socket.is_linked]
-                item, vertices = info.inputs["Object"].default_value, int(numbers[0].default_value)
+                vertices = int(numbers[0].default_value)
                 found.append(Followed(item, vertices, _mirrored_before(info)))
     return found
+
+
+def put_at_rest(group: bpy.types.NodeTree, followed: Sequence[Followed]) -> None:
+    """Tell a group that was made for these targets how they stand now; to build it anew would take longer than all the rest."""
+    infos = [n for part in parts_of(group) for n in part.nodes if n.bl_idname == "GeometryNodeObjectInfo"]
+    nodes = [node for info in infos if (node := _triangle_node(info)) is not None]
+    for node, told in zip(nodes, followed, strict=False):
+        if told.rest is not None and _rest_of(node) != told.rest:
+            node.inputs["known"].default_value = True
+            for name, value in told.rest._asdict().items():
+                node.inputs[name].default_value = value
+
+
+def _triangle_node(info: bpy.types.Node) -> bpy.types.Node | None:
+    """Return the part that finds the triangles of a target, or None in groups of earlier versions."""
+    nodes = [link.to_node for link in info.outputs["Transform"].links]
+    return next((node for node in nodes if node.bl_idname == "GeometryNodeGroup" and "vertices" in node.inputs), None)
+
+
+def _rest_of(node: bpy.types.Node) -> Rest | None:
+    """Return how a target stood, as the part says that finds its triangles."""
+    known = node.inputs["known"].default_value
+    return Rest(*(tuple(node.inputs[name].default_value) for name in Rest._fields)) if known else None
 
 
 def _mirrored_before(info: bpy.types.Node) -> bool | None:
@@ -131,8 +176,11 @@ def _mirrored_before(info: bpy.types.Node) -> bool | None:
 
 
 def made_of(classes: Sequence[str], followed: Sequence[Followed]) -> str:
-    """Return what a group is made of apart from its objects: equal for equal groups, within one session of Blender."""
-    return repr([list(classes), [(one.target.session_uid, *one[1:]) for one in followed]])
+    """Return what a group is made of apart from its objects: equal for equal groups, within one session of Blender.
+
+    How targets stand is not part of it: see :func:`put_at_rest`.
+    """
+    return repr([list(classes), [(one.target.session_uid, one.vertices, one.mirrored) for one in followed], LAYOUT])
 
 
 def build_node_group(
@@ -303,20 +351,10 @@ def _seen(tree: Tree) -> list[Socket]:
 def _follow(tree: Tree, followed: Sequence[Followed]) -> Socket:
     """Move points with the target, and turn what stands on them; what was moved by hand keeps its distance to the ground."""
     tree.column(1)
-    infos, same = [], []
-    for target, vertices, _ in followed:
-        info = tree.add("GeometryNodeObjectInfo", transform_space="ORIGINAL")
-        info.inputs["Object"].default_value = target
-        size = tree.add("GeometryNodeAttributeDomainSize", component="MESH")
-        tree.link(info.outputs["Geometry"], size.inputs[0])
-        infos.append(info)
-        same.append(tree.compare("EQUAL", size.outputs["Point Count"], vertices, "INT"))
     # Points that are not tied to the ground have no weights.
-    weights = tree.attribute(WEIGHTS, "FLOAT_VECTOR")
-    tied = tree.compare("GREATER_THAN", tree.vector("LENGTH", weights), 0.0)
-    follows = tree.both(tree.inputs["follow"], tied, *same)
-    tree.column(2)
-    corner, edge, side, mirror = _triangle(tree, infos, followed)
+    tied = tree.compare("GREATER_THAN", tree.vector("LENGTH", tree.attribute(WEIGHTS, "FLOAT_VECTOR")), 0.0)
+    corner, edge, side, weights, mirror, there = _triangle(tree, followed)
+    follows = tree.both(tree.inputs["follow"], tied, there)
     tree.column(3)
     (ground,) = tree.part("Ground Point", _ground_now, corner=corner, edge=edge, side=side, weights=weights)
     tree.column(4)
@@ -336,37 +374,86 @@ def _follow(tree: Tree, followed: Sequence[Followed]) -> Socket:
     return move.outputs[0]
 
 
-def _triangle(tree: Tree, infos: Sequence[bpy.types.Node], followed: Sequence[Followed]) -> list[Socket]:
-    """Return of every point's triangle where its first corner is now, and the two edges from there, in the world.
-
-    And what mirrors where it was, if the target was mirrored since: factors of x, y and z.
-    """
-    position = tree.call("GeometryNodeInputPosition")
+def _triangle(tree: Tree, followed: Sequence[Followed]) -> list[Socket]:
+    """Return of every point what :func:`_triangle_now` does, of the target that it stands on."""
     found: list[Socket] = []
-    for number, (info, told) in enumerate(zip(infos, followed, strict=True)):
-        a, b, c = (_sampled(tree, info, position, name) for name in CORNERS)
-        transform = info.outputs["Transform"]
-        # Edges between places in the world would have the rounding of their coordinates, which far from its origin is as long as
-        # they are: what stands there would be turned by it.
-        own = [tree.call("FunctionNodeTransformPoint", a, transform)]
-        own += [
-            tree.call("FunctionNodeTransformDirection", tree.vector("SUBTRACT", end, a), transform) for end in (b, c)
-        ]
-        determinant = tree.call("FunctionNodeMatrixDeterminant", transform)
-        over = tree.compare("GREATER_THAN" if told.mirrored else "LESS_THAN", determinant, 0.0)
-        own.append(tree.switch("VECTOR", over, (1.0, 1.0, 1.0), (1.0, -1.0, 1.0)))
+    for number, told in enumerate(followed):
+        tree.column(1)
+        info = tree.add("GeometryNodeObjectInfo", transform_space="ORIGINAL")
+        info.inputs["Object"].default_value = told.target
+        tree.column(2)
+        rest = told.rest or Rest((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        own = tree.part(
+            "Triangle of Target",
+            _triangle_now,
+            geometry=info.outputs["Geometry"],
+            transform=info.outputs["Transform"],
+            vertices=told.vertices,
+            side=-1.0 if told.mirrored else 1.0,
+            known=told.rest is not None,
+            **rest._asdict(),
+        )
         if found:
             its = tree.compare("EQUAL", tree.attribute(TARGET, "INT"), number, "INT")
-            own = [tree.switch("VECTOR", its, *pair) for pair in zip(found, own, strict=True)]
+            pairs = list(zip(found, own, strict=True))
+            own = [tree.switch("VECTOR", its, *pair) for pair in pairs[:-1]] + [tree.switch("BOOLEAN", its, *pairs[-1])]
         found = own
     return found
 
 
-def _sampled(tree: Tree, info: bpy.types.Node, position: Socket, name: str) -> Socket:
+def _triangle_now(tree: Tree) -> list[Socket]:
+    """Return of every point's triangle where its first corner is now, the two edges from there, in the world.
+
+    Then what weights its corners have; what mirrors where it was, if the target was mirrored since: factors of x, y and z; and whether
+    there is such a triangle. A mesh with other vertices than the points were placed on, as renders may have, moves them with the whole
+    target: their triangles are those that were there.
+    """
+    inputs = tree.inputs
+    transform = inputs["transform"]
+    size = tree.add("GeometryNodeAttributeDomainSize", component="MESH")
+    tree.link(inputs["geometry"], size.inputs[0])
+    count = size.outputs["Point Count"]
+    same = tree.compare("EQUAL", count, inputs["vertices"], "INT")
+    stands = tree.both(inputs["known"], tree.compare("GREATER_THAN", count, 0, "INT"))
+    position = tree.call("GeometryNodeInputPosition")
+    tree.column(2)
+    a, b, c = (_sampled(tree, inputs["geometry"], position, name) for name in CORNERS)
+    rest = tree.part("Triangle at Rest", _triangle_at_rest, **{name: inputs[name] for name in Rest._fields})
+    tree.column(3)
+    # Edges between places in the world would have the rounding of their coordinates, which far from its origin is as long as
+    # they are: what stands there would be turned by it.
+    sampled = [a, tree.vector("SUBTRACT", b, a), tree.vector("SUBTRACT", c, a)]
+    corner, edge, side = (tree.switch("VECTOR", same, *pair) for pair in zip(rest, sampled, strict=True))
+    weights = tree.switch("VECTOR", same, (0.0, 0.0, 0.0), tree.attribute(WEIGHTS, "FLOAT_VECTOR"))
+    tree.column(4)
+    found = [tree.call("FunctionNodeTransformPoint", corner, transform)]
+    found += [tree.call("FunctionNodeTransformDirection", one, transform) for one in (edge, side)]
+    determinant = tree.call("FunctionNodeMatrixDeterminant", transform)
+    over = tree.compare("LESS_THAN", tree.math("MULTIPLY", determinant, inputs["side"]), 0.0)
+    mirror = tree.switch("VECTOR", over, (1.0, 1.0, 1.0), (1.0, -1.0, 1.0))
+    return [*found, weights, mirror, tree.either(same, stands)]
+
+
+def _triangle_at_rest(tree: Tree) -> list[Socket]:
+    """Return a triangle that lies as a point's did when it was placed: its corner is that point; as the target saw it."""
+    matrix = tree.add("FunctionNodeCombineMatrix")
+    for row, name in enumerate(("x", "y", "z"), start=1):
+        for column, value in enumerate(tree.parts(tree.inputs[name]), start=1):
+            tree.link(value, matrix.inputs[f"Column {column} Row {row}"])
+    tree.column(2)
+    edge = tree.attribute(EDGE, "FLOAT_VECTOR")
+    side = tree.vector("CROSS_PRODUCT", tree.attribute(FACE_NORMAL, "FLOAT_VECTOR"), edge)
+    # From the target's origin: far from the world's, sums of whole coordinates would lose what differences keep.
+    away = tree.vector("SUBTRACT", tree.attribute(GROUND_POINT, "FLOAT_VECTOR"), tree.inputs["place"])
+    tree.column(3)
+    return [tree.call("FunctionNodeTransformDirection", one, matrix.outputs[0]) for one in (away, edge, side)]
+
+
+def _sampled(tree: Tree, geometry: Socket, position: Socket, name: str) -> Socket:
     """Return where the vertex that an attribute numbers is, as the target itself sees it."""
     sampled = tree.add("GeometryNodeSampleIndex", data_type="FLOAT_VECTOR", domain="POINT")
     sockets = {socket.name: socket for socket in sampled.inputs if socket.enabled}
-    tree.link(info.outputs["Geometry"], sockets["Geometry"])
+    tree.link(geometry, sockets["Geometry"])
     tree.link(position, sockets["Value"])
     tree.link(tree.attribute(name, "INT"), sockets["Index"])
     return next(socket for socket in sampled.outputs if socket.enabled)

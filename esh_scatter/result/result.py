@@ -18,6 +18,7 @@ from .node_group import (
     build_node_group,
     made_of,
     placed_objects,
+    put_at_rest,
 )
 
 __all__ = [
@@ -105,6 +106,9 @@ def write_result(
         # To build the same group once more takes longer than all the rest.
         if not _move_points(replaced.data, position, attributes):
             _set_points(replaced, name, position, attributes)
+        modifier = our_modifier(replaced)
+        if modifier is not None:
+            put_at_rest(modifier.node_group, followed)
         return replaced
     if replaced is None:
         mesh = _point_mesh(name, position, attributes)

@@ -25,6 +25,7 @@ from .node_group import (
     TARGET,
     UP,
     WEIGHTS,
+    Followed,
     followed_targets,
 )
 
@@ -128,12 +129,11 @@ def moved_with(result: bpy.types.Object, position: np.ndarray, context: bpy.type
     turned = np.broadcast_to(np.eye(3), (len(position), 3, 3))
     modifier = our_modifier(result)
     if modifier is not None and get_inputs(modifier).get("Follow Target", True) and WEIGHTS in mesh.attributes:
-        targets = followed_targets(modifier.node_group)
-        vertices = [found for one in targets if len(found := _vertices_now(one.target, context)) == one.vertices]
-        # A target that has lost or got vertices is not followed, and then none is.
-        if targets and len(vertices) == len(targets):
-            over = [one.mirrored is not None and one.mirrored != is_mirrored(one.target, context) for one in targets]
-            position, turned = _follow(mesh, position, vertices, np.array(over))
+        followed = followed_targets(modifier.node_group)
+        targets = [_target_now(one, context) for one in followed]
+        # Of earlier versions: a target that has lost or got vertices is not followed, and then none is.
+        if all(one.rest is not None for one in followed) or all(len(one.vertices) for one in targets):
+            position, turned = _follow(mesh, position, targets)
     return MovedWith(position, turned)
 
 
@@ -150,43 +150,95 @@ def raised(axes: np.ndarray) -> np.ndarray:
     return np.stack([rotate(back, axes[:, :, k]) for k in range(3)], axis=2)
 
 
-def _vertices_now(target: bpy.types.Object | None, context: bpy.types.Context) -> np.ndarray:
-    """Return the vertices of a target in the world ``[n, 3]``, as it is shown; none where it is gone or not evaluated."""
-    if target is None:
-        return np.empty((0, 3))
-    evaluated = target.evaluated_get(context.evaluated_depsgraph_get())
-    if not evaluated.is_evaluated:
-        return np.empty((0, 3))
-    with evaluated_mesh(target, context) as mesh:
-        if mesh is None or not len(mesh.vertices):
-            return np.empty((0, 3))
-        return vertices_in_world(mesh, np.array(evaluated.matrix_world, np.float64))
+class _TargetNow(NamedTuple):
+    """What points follow, as it is now.
 
-
-def _follow(
-    mesh: bpy.types.Mesh, position: np.ndarray, vertices: list[np.ndarray], over: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Move places with their triangles, and tell how objects turn with them, as the node group's part does that is called "Follow".
-
-    Triangles of targets that were mirrored since are turned ``over``; they look to the side that they looked to. What was is mirrored
-    along y there, from where a turn leads to what is.
+    Attributes:
+        vertices: In the world, shape ``[n, 3]``; none where these are others than points were placed on.
+        over: Whether it was mirrored since.
+        way: Where it is now from where its rest was: how directions are turned and scaled, ``[3, 3]``, the place then and the place
+            now, ``[3]`` each; None where nobody knows.
     """
-    weights = read_attribute(mesh, WEIGHTS).astype(np.float64)
+
+    vertices: np.ndarray
+    over: bool
+    way: tuple[np.ndarray, np.ndarray, np.ndarray] | None
+
+
+def _target_now(told: Followed, context: bpy.types.Context) -> _TargetNow:
+    """Return a target as it is shown; nothing of one that is gone or not evaluated."""
+    nothing = _TargetNow(np.empty((0, 3)), False, None)
+    if told.target is None:
+        return nothing
+    evaluated = told.target.evaluated_get(context.evaluated_depsgraph_get())
+    if not evaluated.is_evaluated:
+        return nothing
+    matrix = np.array(evaluated.matrix_world, np.float64)
+    with evaluated_mesh(told.target, context) as mesh:
+        if mesh is None or not len(mesh.vertices):
+            return nothing
+        same = len(mesh.vertices) == told.vertices
+        vertices = vertices_in_world(mesh, matrix) if same else nothing.vertices
+    over = told.mirrored is not None and told.mirrored != is_mirrored(told.target, context)
+    if told.rest is None:
+        return _TargetNow(vertices, over, None)
+    place, *rows = (np.array(row, np.float64) for row in told.rest)
+    return _TargetNow(vertices, over, (matrix[:3, :3] @ np.array(rows), place, matrix[:3, 3]))
+
+
+class _Triangles(NamedTuple):
+    """Triangles in the world: one corner, the edges from there, ``[n, 3]`` each, and which of them there are, ``[n]``."""
+
+    corner: np.ndarray
+    edge: np.ndarray
+    side: np.ndarray
+    there: np.ndarray
+
+
+def _triangles_now(mesh: bpy.types.Mesh, number: np.ndarray, targets: list[_TargetNow]) -> _Triangles:
+    """Return the triangles of points now; of other meshes than points were placed on those that were there, moved with the target.
+
+    The corners of these are the points of the ground themselves, and their edges are moved there: no weights count.
+    """
     before, edge_before, normal_before = (
         read_attribute(mesh, name).astype(np.float64) for name in (GROUND_POINT, EDGE, FACE_NORMAL)
     )
-    first = np.concatenate([[0], np.cumsum([len(one) for one in vertices])[:-1]])
-    number = read_attribute(mesh, TARGET) if TARGET in mesh.attributes else np.zeros(len(position), np.int32)
+    weights = read_attribute(mesh, WEIGHTS).astype(np.float64)
+    corners = np.stack([read_attribute(mesh, name) for name in CORNERS], axis=1)
     # Points that are not tied to the ground have no weights.
     tied = np.linalg.norm(weights, axis=1) > 0.0
-    corner = [np.where(tied, read_attribute(mesh, name) + first[number], 0) for name in CORNERS]
-    a, b, c = (np.concatenate(vertices)[index] for index in corner)
-    edge, side = b - a, c - a
-    ground = a + weights[:, 1:2] * edge + weights[:, 2:3] * side
+    ground, edge, side = before.copy(), edge_before.copy(), np.cross(normal_before, edge_before)
+    there = np.zeros(len(before), bool)
+    for which, target in enumerate(targets):
+        own = np.flatnonzero(tied & (number == which))
+        if len(target.vertices):
+            a, b, c = (target.vertices[corners[own, k]] for k in range(3))
+            edge[own], side[own] = b - a, c - a
+            ground[own] = a + weights[own, 1:2] * edge[own] + weights[own, 2:3] * side[own]
+        elif target.way is not None:
+            turned, place, now = target.way
+            ground[own] = now + (before[own] - place) @ turned.T
+            edge[own], side[own] = edge[own] @ turned.T, side[own] @ turned.T
+        there[own] = len(target.vertices) > 0 or target.way is not None
+    return _Triangles(ground, edge, side, there)
+
+
+def _follow(mesh: bpy.types.Mesh, position: np.ndarray, targets: list[_TargetNow]) -> tuple[np.ndarray, np.ndarray]:
+    """Move places with their triangles, and tell how objects turn with them, as the node group's part does that is called "Follow".
+
+    Triangles of targets that were mirrored since are turned over; they look to the side that they looked to. What was is mirrored
+    along y there, from where a turn leads to what is.
+    """
+    before, edge_before, normal_before = (
+        read_attribute(mesh, name).astype(np.float64) for name in (GROUND_POINT, EDGE, FACE_NORMAL)
+    )
+    number = read_attribute(mesh, TARGET) if TARGET in mesh.attributes else np.zeros(len(position), np.int32)
+    ground, edge, side, there = _triangles_now(mesh, number, targets)
+    over = np.array([one.over for one in targets])[number]
     moved = np.linalg.norm(ground - before, axis=1) > ROUNDING * np.linalg.norm(before, axis=1)
     ground = np.where(moved[:, None], ground, before)
-    looking = np.where(over[number][:, None], -side, side)
-    mirror = np.where(over[number][:, None], [1.0, -1.0, 1.0], 1.0)
+    looking = np.where(over[:, None], -side, side)
+    mirror = np.where(over[:, None], [1.0, -1.0, 1.0], 1.0)
     edge_before, normal_before = mirror * edge_before, mirror * normal_before
     turned = _frames(np.cross(edge, looking), edge) @ _frames(normal_before, edge_before).transpose(0, 2, 1)
     up = np.broadcast_to(np.array(UP), edge.shape)
@@ -195,7 +247,7 @@ def _follow(
     place = ground + np.einsum("nij,nj->ni", turned, mirror * (position - before))
     along = upright @ leaning * mirror[:, None, :]
     # What has not moved stays to the last digit.
-    keep = tied & (moved | over[number] | (np.abs(turned - np.eye(3)).max(axis=(1, 2)) > LEAST_TURN))
+    keep = there & (moved | over | (np.abs(turned - np.eye(3)).max(axis=(1, 2)) > LEAST_TURN))
     return np.where(keep[:, None], place, position), np.where(keep[:, None, None], along, np.eye(3))
 
 

@@ -47,7 +47,7 @@ from ..result.pins import Pins, read_pins
 from ..result.result import CLASS_NAMES, find_result, write_result
 from ..result.result_points import ResultPoints, overlap_attributes, point_attributes, result_points
 from ..targets.references import Reference
-from ..targets.target import check_exists, is_mirrored, is_result
+from ..targets.target import check_exists, is_result, world_matrix
 from ..targets.targets import Target, Targets, read_targets
 from .obstacles import ObstacleSource, StoredObstacle, obstacles_in, read_obstacles
 from .obstacles_on_surface import obstacles_on
@@ -190,7 +190,7 @@ class ScatterJob:
         pins = None if own is None else self._pins(own, sources)
         del self._given_obstacles
         ground = read_targets(targets, context, names, self.settings)
-        self._mirrored = [is_mirrored(item, context) for item in targets]
+        self._stood = [world_matrix(item, context) for item in targets]
         return _Reading(ground, sources, densities, directions, obstacles, pins)
 
     def _pins(self, own: bpy.types.Object, sources: Sequence[Sequence[SizeSource]]) -> tuple[Pins, np.ndarray] | None:
@@ -427,7 +427,7 @@ class ScatterJob:
             points.instances.position,
             self._attributes_of(self.placement, points),
             [c.name for c in self.classes],
-            followed(self._targets.objects, points.surface.view.mesh, self._mirrored),
+            followed(self._targets.objects, points.surface.view.mesh, self._stood),
         )
         names = [[c.name for c in self.classes], [[size.name for size in c.sizes] for c in self.classes]]
         item[CLASS_NAMES] = json.dumps(names)

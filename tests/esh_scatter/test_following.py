@@ -35,17 +35,21 @@ def hills():
     return new_object("Ground", corners, quads)
 
 
-@pytest.fixture
-def scattered():
-    tree = new_object("Tree", [(0.1, 0, 0), (-0.1, 0.12, 0), (-0.1, -0.12, 0), (0, 0, 2)], [(0, 1, 2), (0, 1, 3)])
-    stone = new_object("Stone", [(0.06, 0, 0), (-0.04, 0.05, 0), (-0.04, -0.05, 0)], [(0, 1, 2)])
-    classes = [
+def asked():
+    tree, stone = bpy.data.objects["Tree"], bpy.data.objects["Stone"]
+    return [
         esh.ScatterClass("tree", [esh.ScatterSize("t", 60, tree)], standing=esh.Standing(align_to_normal=0.0)),
         esh.ScatterClass(
             "stone", [esh.ScatterSize("s", 90, stone)], standing=esh.Standing(align_to_normal=1.0, offset=0.1)
         ),
     ]
-    return esh.scatter(hills(), classes, device="cpu", max_steps=5)
+
+
+@pytest.fixture
+def scattered():
+    new_object("Tree", [(0.1, 0, 0), (-0.1, 0.12, 0), (-0.1, -0.12, 0), (0, 0, 2)], [(0, 1, 2), (0, 1, 3)])
+    new_object("Stone", [(0.06, 0, 0), (-0.04, 0.05, 0), (-0.04, -0.05, 0)], [(0, 1, 2)])
+    return esh.scatter(hills(), asked(), device="cpu", max_steps=5)
 
 
 def shown(item):
@@ -139,7 +143,7 @@ def test_it_bends_with_its_target_and_keeps_what_was_moved_by_hand(scattered):
     assert np.all(after[stones][:, 0, 2] < before[stones][:, 0, 2])
 
 
-def test_it_stays_where_the_target_no_longer_is_what_it_was(scattered):
+def test_it_stays_where_there_is_no_target_any_more_or_none_is_followed(scattered):
     ground, item = bpy.data.objects["Ground"], scattered.object
     before = matrices(item)
     ground.location.z = 5.0
@@ -149,12 +153,65 @@ def test_it_stays_where_the_target_no_longer_is_what_it_was(scattered):
     set_inputs(our_modifier(item), {"Follow Target": True})
     bpy.context.view_layer.update()
     np.testing.assert_allclose(matrices(item)[:, 2, 3], before[:, 2, 3] + 5.0, atol=1e-4)
-    ground.modifiers.new("Finer", "SUBSURF")
-    bpy.context.view_layer.update()
-    np.testing.assert_allclose(matrices(item), before, atol=1e-5)
     bpy.data.objects.remove(ground)
     bpy.context.view_layer.update()
     np.testing.assert_allclose(matrices(item), before, atol=1e-5)
+
+
+@pytest.mark.parametrize("way", ["moved", "turned", "scaled", "mirrored"])
+def test_it_goes_with_a_target_whose_mesh_has_other_vertices_now(scattered, way):
+    """As in renders, where a surface is subdivided more finely than in the viewport: objects stood where the target had been."""
+    ground, item = bpy.data.objects["Ground"], scattered.object
+    before = matrices(item)
+    finer = ground.modifiers.new("Finer", "SUBSURF")
+    finer.subdivision_type = "SIMPLE"
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(matrices(item), before, atol=1e-5)
+    ground.location = (5.0, 1.0, 2.0)
+    ground.rotation_euler = (0.2, 0.1, 0.7) if way == "turned" else (0.0, 0.0, 0.0)
+    ground.scale = {"scaled": (1.5, 0.8, 1.2), "mirrored": (-1.0, 1.0, 1.0)}.get(way, (1.0, 1.0, 1.0))
+    bpy.context.view_layer.update()
+    after, told = matrices(item), standing_now(item, bpy.context)
+    finer.show_viewport = False
+    bpy.context.view_layer.update()
+    expected = matrices(item)
+    assert np.abs(expected[:, :3, 3] - before[:, :3, 3]).max() > 3.0
+    np.testing.assert_allclose(after, expected, atol=2e-5)
+    order = np.linalg.norm(told.position[None] - after[:, None, :3, 3], axis=2).argmin(axis=1)
+    np.testing.assert_allclose(told.position[order], after[:, :3, 3], atol=2e-5)
+    np.testing.assert_allclose(told.axes[order], after[:, :3, :3], atol=2e-4)
+
+
+def test_how_the_target_stands_is_told_anew_with_every_run_and_builds_no_other_group(scattered):
+    ground, item = bpy.data.objects["Ground"], scattered.object
+    group = our_modifier(item).node_group
+    made = [part.name for part in bpy.data.node_groups]
+    ground.location.x = 4.0
+    bpy.context.view_layer.update()
+    again = esh.scatter(ground, asked(), device="cpu", max_steps=5, pinned=False).object
+    assert again == item and our_modifier(item).node_group == group
+    assert [part.name for part in bpy.data.node_groups] == made
+    before = matrices(item)
+    ground.modifiers.new("Finer", "SUBSURF")
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(matrices(item), before, atol=1e-5)
+    ground.location.x = 7.0
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(matrices(item)[:, 0, 3], before[:, 0, 3] + 3.0, atol=1e-4)
+
+
+def test_far_from_the_origin_what_has_other_vertices_and_did_not_move_stays_to_the_last_digit():
+    ground = hills()
+    ground.location, ground.rotation_euler.z = (500_000.0, 5_000_000.0, 0.0), 0.4
+    bpy.context.view_layer.update()
+    stone = new_object("Stone", [(0.06, 0, 0), (-0.04, 0.05, 0), (-0.04, -0.05, 0)], [(0, 1, 2)])
+    item = esh.scatter(ground, [esh.ScatterClass("s", [esh.ScatterSize("s", 60, stone)])], max_steps=3).object
+    before = matrices(item)
+    ground.modifiers.new("Finer", "SUBSURF")
+    bpy.context.view_layer.update()
+    after = matrices(item)
+    np.testing.assert_array_equal(after[:, :3, 3], before[:, :3, 3])
+    np.testing.assert_allclose(after, before, atol=1e-5)
 
 
 def test_standing_that_is_changed_at_once_is_followed(scattered):
