@@ -9,7 +9,7 @@ import bpy
 
 from ...engine.version import __version__
 
-__all__ = ["Tree", "parts_of", "remove_group", "remove_unused"]
+__all__ = ["PART", "Tree", "parts_of", "remove_group", "remove_unused"]
 
 Socket: TypeAlias = bpy.types.NodeSocket
 
@@ -175,6 +175,17 @@ class Tree:
         node = self.add("ShaderNodeSeparateXYZ")
         self.link(vector, node.inputs[0])
         return list(node.outputs)
+
+    def transformed(self, geometry: Any, matrix: Any) -> Socket:
+        """Transform a geometry, with the instances in it, by a matrix."""
+        node = self.add("GeometryNodeTransform")
+        if hasattr(node, "mode"):
+            node.mode = "MATRIX"
+        else:  # from Blender 5.0 on
+            node.inputs["Mode"].default_value = "Matrix"
+        self.link(geometry, node.inputs["Geometry"])
+        self.link(matrix, node.inputs["Transform"])
+        return node.outputs[0]
 
     def call(self, kind: str, *values: Any, output: int | str = 0, **settings: Any) -> Socket:
         """Add a node with these values for its inputs, in their order; None leaves an input as it is."""

@@ -5,11 +5,12 @@
 
 import bpy
 import numpy as np
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 from ..editing import forecast
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
+from ..result.display import matrix_of_points
 from ..result.result import OVERLAPPING
 from .edit import Edit, select_points, settings_editable
 
@@ -81,7 +82,8 @@ class ESH_OT_frame_overlap(_OfResult):
         scatter = selected_scatter(context)
         result, report = scatter.result_in(context.scene), scatter.report
         assert result is not None and report is not None
-        pair = [result.matrix_world @ result.data.vertices[index].co for index in report["deepest_pair"]]
+        matrix = Matrix(matrix_of_points(result).tolist())
+        pair = [matrix @ result.data.vertices[index].co for index in report["deepest_pair"]]
         place: Vector = 0.5 * (pair[0] + pair[1])
         context.scene.cursor.location = place
         view = context.space_data.region_3d if context.area is not None and context.area.type == "VIEW_3D" else None

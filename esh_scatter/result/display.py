@@ -6,11 +6,20 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ..targets.target import RESULT_TAG
-from .node_group import DISPLAYS, placed_objects
+from .node_group import DISPLAYS, followed_targets, placed_objects, undoes_own_transform
 
-__all__ = ["begin_with_points", "get_inputs", "input_property", "our_modifier", "set_inputs", "shown_objects"]
+__all__ = [
+    "begin_with_points",
+    "get_inputs",
+    "input_property",
+    "matrix_of_points",
+    "our_modifier",
+    "set_inputs",
+    "shown_objects",
+]
 
 
 def our_modifier(item: bpy.types.Object) -> bpy.types.Modifier | None:
@@ -28,6 +37,19 @@ def shown_objects(item: bpy.types.Object) -> list[bpy.types.Object | bpy.types.C
     """
     modifier = our_modifier(item)
     return [] if modifier is None else placed_objects(modifier.node_group)
+
+
+def matrix_of_points(item: bpy.types.Object) -> np.ndarray:
+    """Return the matrix ``[4, 4]`` from a result's points to the world, as its instances are shown.
+
+    What follows a target does so wherever the result itself stands: it is in the world.
+    """
+    modifier = our_modifier(item)
+    if modifier is not None and undoes_own_transform(modifier.node_group):
+        there = any(one.target is not None for one in followed_targets(modifier.node_group))
+        if there and get_inputs(modifier).get("Follow Target", True):
+            return np.eye(4)
+    return np.array(item.matrix_world, np.float64)
 
 
 def get_inputs(modifier: bpy.types.Modifier) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from ...engine.errors import EshError, ProblemError
 from ...engine.files.bodies import Bodies, Prototype
@@ -17,7 +18,7 @@ from ...engine.files.placement_reader import load_placement
 from ...engine.files.quaternions import multiply_xyzw, wxyz_of_axes
 from ...engine.problem.validation import as_path, show
 from ..targets.target import RESULT_TAG, check_exists, extent_of, put_offset
-from .display import shown_objects
+from .display import matrix_of_points, shown_objects
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
 from .result import CLASS_NAMES, write_result
 from .standing_now import moved_with
@@ -162,9 +163,9 @@ def _read_result(item: bpy.types.Object) -> tuple[Bodies, list[bpy.types.Object 
     now = moved_with(item, read("position", "FLOAT_VECTOR", 3, 0.0).astype(np.float64), bpy.context)
     position, rotation = now.position, _turned(now.turned, read(ROTATION, "QUATERNION", 4, 0.0))
     scale = read(SCALE, "FLOAT_VECTOR", 3, 1.0)
-    world = np.array(item.matrix_world, np.float64)
+    world = matrix_of_points(item)
     if not np.allclose(world, np.eye(4)):
-        shift, turn, factor = item.matrix_world.decompose()
+        shift, turn, factor = Matrix(world.tolist()).decompose()
         if not np.allclose(list(factor), factor[0]):
             raise ProblemError(f'"{item.name}" must have the same scale along all axes; apply its scale first')
         position = position @ world[:3, :3].T + np.array(shift)

@@ -11,7 +11,7 @@ from ...engine.problem.look_at import LookAt
 from ...engine.problem.scatter_settings import Standing
 from ..classes.standing import Ground, stand, turns_towards
 from ..targets.evaluated_mesh import in_world
-from .display import shown_objects
+from .display import matrix_of_points, shown_objects
 from .node_group import (
     ALIGN,
     CORNERS,
@@ -255,7 +255,7 @@ def body_places(mesh: bpy.types.Mesh) -> np.ndarray:
 
 def bodies_in_world(result: bpy.types.Object) -> np.ndarray:
     """Return where the bodies are that the objects of a result stand for, shape ``[n, 3]``, also of points that were moved by hand."""
-    return in_world(body_places(result.data), np.array(result.matrix_world))
+    return in_world(body_places(result.data), matrix_of_points(result))
 
 
 def kept_places(result: bpy.types.Object) -> KeptPlaces | None:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from ..classes.node_tree import Socket, Tree, parts_of, remove_unused
+from ..classes.node_tree import PART, Socket, Tree, parts_of, remove_unused
 from ..classes.shown_geometry import as_it_stands, source_instance
 from ..targets.target import RESULT_TAG, head_of, shown_collection
 
@@ -43,6 +43,7 @@ __all__ = [
     "placing_inputs",
     "put_at_rest",
     "show_input",
+    "undoes_own_transform",
 ]
 
 INSTANCE_INDEX = "instance_index"
@@ -63,6 +64,8 @@ GROUND_POINT, EDGE, FACE_NORMAL, ALIGN = "ground_point", "ground_edge", "ground_
 DISPLAYS = ("Objects", "Bounds", "Points")
 # Parts that place something, by what it is.
 _OBJECT, _EMPTY, _COLLECTION, FAMILY = "Place Object", "Place Empty", "Place Collection", "Place Family"
+# The part that undoes a result's own transform.
+WAY_BACK = "Way Back"
 # Radius of points, as a share of the objects' scale [m].
 POINT_RADIUS = 0.1
 UP = (0.0, 0.0, 1.0)
@@ -216,14 +219,16 @@ def build_node_group(
     inputs = tree.inputs
     points = inputs["Geometry"]
     tree.column(1)
+    back = tree.add("FunctionNodeCombineMatrix").outputs[0]
     if followed:
         told = {"points": points, "follow": inputs["Follow Target"]}
-        (points,) = tree.part("Follow", lambda part: [_follow(part, followed)], own=True, **told)
+        points, follows = tree.part("Follow", lambda part: _follow(part, followed), own=True, **told)
+        (back,) = tree.part(WAY_BACK, _way_back, follows=follows)
     rotation = tree.attribute(ROTATION, "QUATERNION")
     tree.column(2)
     in_viewport = tree.call("GeometryNodeIsViewport")
     limited = tree.either(in_viewport, inputs["Limit Renders"])
-    hidden = _hidden(tree, in_viewport, limited, classes)
+    hidden = _hidden(tree, in_viewport, limited, back, classes)
     tree.column(5)
     index = tree.switch("INT", hidden, tree.attribute(INSTANCE_INDEX, "INT"), -1)
     scale = tree.scaled(tree.attribute(SCALE, "FLOAT_VECTOR"), inputs["Scale"])
@@ -239,17 +244,25 @@ def build_node_group(
         (shown,) = tree.part(kind, build, own=kind == FAMILY, **placed, number=number, source=source)
         tree.link(shown, join.inputs["Geometry"])
     tree.column(7)
-    dots = tree.add("GeometryNodeMeshToPoints")
-    tree.link(points, dots.inputs["Mesh"])
-    tree.link(tree.compare("GREATER_EQUAL", index, 0, "INT"), dots.inputs["Selection"])
-    tree.link(tree.math("MULTIPLY", tree.parts(scale)[0], POINT_RADIUS), dots.inputs["Radius"])
-    result = tree.switch("GEOMETRY", as_points, join.outputs["Geometry"], dots.outputs[0])
+    result = tree.switch("GEOMETRY", as_points, join.outputs["Geometry"], _dots(tree, points, index, scale))
     tree.column(8)
+    if followed:
+        result = tree.transformed(result, back)
+    tree.column(9)
     tree.link(result, tree.add("NodeGroupOutput").inputs["Geometry"])
     socket = next(one for one in group.interface.items_tree if one.name == "Display")
     socket.default_value = DISPLAYS[0]
     remove_unused(old_parts)
     return group
+
+
+def _dots(tree: Tree, points: Socket, index: Socket, scale: Socket) -> Socket:
+    """Return points to be drawn in place of objects, as large as these are scaled."""
+    dots = tree.add("GeometryNodeMeshToPoints")
+    tree.link(points, dots.inputs["Mesh"])
+    tree.link(tree.compare("GREATER_EQUAL", index, 0, "INT"), dots.inputs["Selection"])
+    tree.link(tree.math("MULTIPLY", tree.parts(scale)[0], POINT_RADIUS), dots.inputs["Radius"])
+    return dots.outputs[0]
 
 
 def _take_inputs(tree: Tree, classes: Sequence[str], follow: bool) -> None:
@@ -276,8 +289,8 @@ def _take_inputs(tree: Tree, classes: Sequence[str], follow: bool) -> None:
             tree.take(show_input(class_name), "NodeSocketBool", True, help=f"Show {class_name}", parent=panel)
 
 
-def _hidden(tree: Tree, in_viewport: Socket, limited: Socket, classes: Sequence[str]) -> Socket:
-    """Tell which points are hidden."""
+def _hidden(tree: Tree, in_viewport: Socket, limited: Socket, back: Socket, classes: Sequence[str]) -> Socket:
+    """Tell which points are hidden; a matrix leads from where they are ``back`` into the result's own space."""
     inputs = tree.inputs
     limits = {
         "share": inputs["Viewport Share"],
@@ -286,7 +299,7 @@ def _hidden(tree: Tree, in_viewport: Socket, limited: Socket, classes: Sequence[
         "distance": inputs["Distance"],
     }
     tree.column(3)
-    (hidden,) = tree.part("Hidden", _limits, in_viewport=in_viewport, limited=limited, **limits)
+    (hidden,) = tree.part("Hidden, by Place", _limits, in_viewport=in_viewport, limited=limited, back=back, **limits)
     tree.column(4)
     for number, class_name in enumerate(classes):
         (hidden,) = tree.part(
@@ -313,7 +326,8 @@ def _limits(tree: Tree) -> list[Socket]:
     too_many = tree.both(limited, tree.compare("GREATER_EQUAL", value, share))
     # All of them, whatever the rounding.
     too_many = tree.both(too_many, tree.compare("LESS_THAN", share, 1.0))
-    (seen,) = tree.part("Seen", _seen, margin=inputs["margin"], distance=inputs["distance"])
+    where = {"margin": inputs["margin"], "distance": inputs["distance"], "back": inputs["back"]}
+    (seen,) = tree.part("Seen, by Place", _seen, **where)
     tree.column(3)
     unseen = tree.both(limited, inputs["culling"], tree.no(seen))
     return [tree.either(by_hand, too_many, unseen)]
@@ -335,7 +349,8 @@ def _seen(tree: Tree) -> list[Socket]:
     lens = tree.add("GeometryNodeCameraInfo")
     tree.link(camera, lens.inputs[0])
     to_camera = tree.call("FunctionNodeInvertMatrix", info.outputs["Transform"])
-    local = tree.call("FunctionNodeTransformPoint", tree.call("GeometryNodeInputPosition"), to_camera)
+    place = tree.call("FunctionNodeTransformPoint", tree.call("GeometryNodeInputPosition"), inputs["back"])
+    local = tree.call("FunctionNodeTransformPoint", place, to_camera)
     tree.column(2)
     on_picture = tree.call("FunctionNodeProjectPoint", local, lens.outputs["Projection Matrix"])
     x, y, _ = tree.parts(tree.vector("ABSOLUTE", on_picture))
@@ -348,12 +363,31 @@ def _seen(tree: Tree) -> list[Socket]:
     return [tree.both(inside, in_front, tree.either(near, unlimited))]
 
 
-def _follow(tree: Tree, followed: Sequence[Followed]) -> Socket:
-    """Move points with the target, and turn what stands on them; what was moved by hand keeps its distance to the ground."""
+def undoes_own_transform(group: bpy.types.NodeTree) -> bool:
+    """Tell whether what follows a target in a group does so wherever the result itself stands; it did not in earlier versions."""
+    return any(str(part.get(PART, "")).startswith(WAY_BACK) for part in parts_of(group))
+
+
+def _way_back(tree: Tree) -> list[Socket]:
+    """Return what leads from the world into the result's own space where points follow a target; nothing elsewhere.
+
+    What follows is in the world already: a result that hangs on its target, or on what moves both, would be moved twice.
+    """
+    info = tree.add("GeometryNodeObjectInfo", transform_space="ORIGINAL")
+    tree.link(tree.call("GeometryNodeSelfObject"), info.inputs["Object"])
+    back = tree.call("FunctionNodeInvertMatrix", info.outputs["Transform"])
+    return [tree.switch("MATRIX", tree.inputs["follows"], None, back)]
+
+
+def _follow(tree: Tree, followed: Sequence[Followed]) -> list[Socket]:
+    """Move points with the target, and turn what stands on them; what was moved by hand keeps its distance to the ground.
+
+    Return them, and whether there is a target that any could follow.
+    """
     tree.column(1)
     # Points that are not tied to the ground have no weights.
     tied = tree.compare("GREATER_THAN", tree.vector("LENGTH", tree.attribute(WEIGHTS, "FLOAT_VECTOR")), 0.0)
-    corner, edge, side, weights, mirror, there = _triangle(tree, followed)
+    corner, edge, side, weights, mirror, there, any_there = _triangle(tree, followed)
     follows = tree.both(tree.inputs["follow"], tied, there)
     tree.column(3)
     (ground,) = tree.part("Ground Point", _ground_now, corner=corner, edge=edge, side=side, weights=weights)
@@ -371,12 +405,13 @@ def _follow(tree: Tree, followed: Sequence[Followed]) -> Socket:
     tree.link(turn.outputs[0], move.inputs["Geometry"])
     tree.link(follows, move.inputs["Selection"])
     tree.link(place, move.inputs["Position"])
-    return move.outputs[0]
+    return [move.outputs[0], tree.both(tree.inputs["follow"], any_there)]
 
 
 def _triangle(tree: Tree, followed: Sequence[Followed]) -> list[Socket]:
-    """Return of every point what :func:`_triangle_now` does, of the target that it stands on."""
+    """Return of every point what :func:`_triangle_now` does, of the target that it stands on, and whether there is any target."""
     found: list[Socket] = []
+    there: list[Socket] = []
     for number, told in enumerate(followed):
         tree.column(1)
         info = tree.add("GeometryNodeObjectInfo", transform_space="ORIGINAL")
@@ -393,12 +428,13 @@ def _triangle(tree: Tree, followed: Sequence[Followed]) -> list[Socket]:
             known=told.rest is not None,
             **rest._asdict(),
         )
+        there.append(own[-1])
         if found:
             its = tree.compare("EQUAL", tree.attribute(TARGET, "INT"), number, "INT")
             pairs = list(zip(found, own, strict=True))
             own = [tree.switch("VECTOR", its, *pair) for pair in pairs[:-1]] + [tree.switch("BOOLEAN", its, *pairs[-1])]
         found = own
-    return found
+    return [*found, tree.either(*there)]
 
 
 def _triangle_now(tree: Tree) -> list[Socket]:

@@ -14,7 +14,7 @@ from mathutils import Matrix, Quaternion
 from ...engine.errors import ProblemError
 from ..targets.target import put_offset, world_matrix
 from . import pins
-from .display import get_inputs, our_modifier, set_inputs, shown_objects
+from .display import get_inputs, matrix_of_points, our_modifier, set_inputs, shown_objects
 from .kept_ground import (
     BODY_ANGLE,
     FIT,
@@ -160,7 +160,7 @@ def take_over(result: bpy.types.Object, changes: Changes) -> int:
     if not len(points):
         return 0
     mirrored = 0
-    world = np.array(result.matrix_world, np.float64)
+    world = matrix_of_points(result)
     ways = np.linalg.inv(world) @ changes.ways @ world
     names = ("position", ROTATION, SCALE, TO_ORIGIN, "heading")
     position, rotation, scale, to_origin, heading = (read_attribute(mesh, name) for name in names)

@@ -91,7 +91,7 @@ def write_result(
 
     Args:
         scene: Where a new object is linked.
-        replaced: Result of an earlier run; its name, transform, collections and other modifiers stay. None makes a new object, and
+        replaced: Result of an earlier run; its name, own transform, collections and other modifiers stay. None makes a new object, and
             takes what is left of earlier ones, which other scenes show, too, out of this scene's own collection.
         target: Remembered on the object, to find it again; None where there is none.
         name: Of a new object; also remembered.
@@ -102,6 +102,8 @@ def write_result(
         followed: What the points follow.
     """
     ingredients = made_of(classes, followed)
+    if replaced is not None:
+        _take_from_parent(replaced)
     if replaced is not None and _shows(replaced, name, sources, ingredients):
         # To build the same group once more takes longer than all the rest.
         if not _move_points(replaced.data, position, attributes):
@@ -129,6 +131,14 @@ def write_result(
         item[RESULT_TARGET] = target
     item[NAME] = name
     return item
+
+
+def _take_from_parent(item: bpy.types.Object) -> None:
+    """Have a result's parent move it from where that stands now on: its points are given in the world, and its own transform stays."""
+    own, world = item.matrix_basis, item.matrix_world
+    if item.parent is None or item.constraints or not world.determinant() or np.allclose(own, world, atol=1e-6):
+        return
+    item.matrix_parent_inverse = item.matrix_parent_inverse @ own @ world.inverted()
 
 
 def _shows(item: bpy.types.Object, name: str, sources: Sequence[bpy.types.Object], ingredients: str) -> bool:

@@ -11,7 +11,7 @@ from ...engine.problem.unit_vectors import unit_vectors
 from ...engine.surface.instances import body_rotations, rotate
 from ..targets.evaluated_mesh import evaluated_mesh, in_world, vertices_in_world
 from ..targets.target import is_mirrored
-from .display import get_inputs, our_modifier
+from .display import get_inputs, matrix_of_points, our_modifier
 from .kept_ground import MIDDLE, NORMAL, TO_ORIGIN, body_places, read_attribute
 from .node_group import (
     ALIGN,
@@ -86,7 +86,7 @@ def standing_now(result: bpy.types.Object, context: bpy.types.Context) -> Standi
     position, scale = (read_attribute(mesh, name).astype(np.float64) for name in ("position", SCALE))
     rotation = rotations(result)
     now = moved_with(result, position, context)
-    world = np.array(result.matrix_world, np.float64)
+    world = matrix_of_points(result)
     return StandingNow(in_world(now.position, world), world[:3, :3] @ now.axes(rotation) * scale[:, None, :])
 
 
@@ -94,7 +94,7 @@ def lying_now(result: bpy.types.Object, context: bpy.types.Context) -> LyingNow:
     """Return how the outlines of all objects of a result lie along its surface now: as they do while they are parted."""
     mesh = result.data
     axes = standing_now(result, context).axes
-    world = np.array(result.matrix_world, np.float64)
+    world = matrix_of_points(result)
     known = TO_ORIGIN in mesh.attributes and NORMAL in mesh.attributes
     place = body_places(mesh) if known else read_attribute(mesh, "position").astype(np.float64)
     now = moved_with(result, place, context)

@@ -182,6 +182,70 @@ def test_it_goes_with_a_target_whose_mesh_has_other_vertices_now(scattered, way)
     np.testing.assert_allclose(told.axes[order], after[:, :3, :3], atol=2e-4)
 
 
+def parent(item, to):
+    item.parent = to
+    item.matrix_parent_inverse = to.matrix_world.inverted()
+
+
+@pytest.mark.parametrize("together", ["child of the target", "children of an empty", "moved alike"])
+def test_what_moves_target_and_result_moves_instances_once(scattered, together):
+    ground, item = bpy.data.objects["Ground"], scattered.object
+    before = matrices(item)
+    motion = Matrix.Translation((5, 1, 2)) @ Matrix.Rotation(0.7, 4, "Z")
+    if together == "moved alike":
+        item.matrix_world, ground.matrix_world = motion @ item.matrix_world, motion @ ground.matrix_world
+    else:
+        empty = bpy.data.objects.new("Empty", None)
+        bpy.context.scene.collection.objects.link(empty)
+        mover = ground if together.startswith("child ") else empty
+        for one in {item, ground} - {mover}:
+            parent(one, mover)
+        mover.matrix_world = motion
+    bpy.context.view_layer.update()
+    after = matrices(item)
+    np.testing.assert_allclose(after, np.array(motion) @ before, atol=1e-4)
+    told = standing_now(item, bpy.context)
+    order = np.linalg.norm(told.position[None] - after[:, None, :3, 3], axis=2).argmin(axis=1)
+    np.testing.assert_allclose(told.position[order], after[:, :3, 3], atol=2e-5)
+    np.testing.assert_allclose(told.axes[order], after[:, :3, :3], atol=2e-4)
+
+
+@pytest.mark.parametrize("follow", [True, False])
+def test_a_run_puts_a_result_where_it_belongs_whatever_its_parent(scattered, follow):
+    ground, item = bpy.data.objects["Ground"], scattered.object
+    set_inputs(our_modifier(item), {"Follow Target": follow})
+    parent(item, ground)
+    ground.matrix_world = Matrix.Translation((5, 1, 2)) @ Matrix.Rotation(0.7, 4, "Z") @ Matrix.Scale(1.2, 4)
+    bpy.context.view_layer.update()
+    again = esh.scatter(ground, asked(), device="cpu", max_steps=5)
+    bpy.context.view_layer.update()
+    assert again.object == item and item.parent == ground
+    found, stones = matrices(item), classes_of(item)
+    for number, own in enumerate((~stones, stones)):
+        placed = again.instances.position[again.instances.source == number]
+        np.testing.assert_allclose(found[own][:, :3, 3], placed, atol=2e-5)
+    # In Edit Mode points are where their instances are.
+    np.testing.assert_allclose(np.array(item.matrix_world), np.eye(4), atol=1e-5)
+
+
+def test_only_what_follows_nothing_moves_with_its_result(scattered):
+    ground, item = bpy.data.objects["Ground"], scattered.object
+    before = matrices(item)
+    item.location = (3.0, 0.0, 1.0)
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(matrices(item), before, atol=1e-5)
+    set_inputs(our_modifier(item), {"Follow Target": False})
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(matrices(item)[:, :3, 3], before[:, :3, 3] + [3.0, 0.0, 1.0], atol=1e-5)
+    set_inputs(our_modifier(item), {"Follow Target": True})
+    bpy.data.objects.remove(ground)
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(matrices(item)[:, :3, 3], before[:, :3, 3] + [3.0, 0.0, 1.0], atol=1e-5)
+    np.testing.assert_allclose(
+        standing_now(item, bpy.context).position.mean(axis=0), matrices(item)[:, :3, 3].mean(axis=0), atol=1e-4
+    )
+
+
 def test_how_the_target_stands_is_told_anew_with_every_run_and_builds_no_other_group(scattered):
     ground, item = bpy.data.objects["Ground"], scattered.object
     group = our_modifier(item).node_group
@@ -270,6 +334,11 @@ def test_only_what_the_camera_sees_is_shown(scattered):
     inside = (np.abs(everything[:, 0] - 10) < 4) & (np.abs(everything[:, 1] - 10) < 2)
     assert len(seen) == inside.sum() > 0
     np.testing.assert_allclose(np.sort(seen, axis=0), np.sort(everything[inside], axis=0), atol=1e-4)
+    # Wherever the result itself is: what follows a target stands there.
+    item.location.x = 6.0
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(matrices(item)[:, :3, 3], seen, atol=1e-5)
+    item.location.x = 0.0
     set_inputs(our_modifier(item), {"Margin": 0.25})
     bpy.context.view_layer.update()
     wider = (np.abs(everything[:, 0] - 10) < 6) & (np.abs(everything[:, 1] - 10) < 3)

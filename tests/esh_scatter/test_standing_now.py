@@ -8,6 +8,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh import ScatterClass, ScatterObstacle, ScatterSize, Standing, scatter  # noqa: E402
+from esh.esh_scatter.result.display import our_modifier, set_inputs  # noqa: E402
 from esh.esh_scatter.result.real_objects import _read  # noqa: E402
 from esh.esh_scatter.result.standing_now import standing_now  # noqa: E402
 
@@ -38,6 +39,12 @@ def bend(item):
     item.data.update()
 
 
+def alone(result, name, value):
+    """Transform a result that follows no target: one that does stays on it."""
+    set_inputs(our_modifier(result), {"Follow Target": False})
+    setattr(result, name, value)
+
+
 CHANGES = {
     "nothing": lambda ground, result: None,
     "the target is moved": lambda ground, result: setattr(ground, "location", (6.3, 4.3, 1.0)),
@@ -45,9 +52,10 @@ CHANGES = {
     "the target is scaled": lambda ground, result: setattr(ground, "scale", (1.5, 1.0, 0.7)),
     "the target is mirrored": lambda ground, result: setattr(ground, "scale", (-1.0, 1.2, 1.0)),
     "the target is bent": lambda ground, result: bend(ground),
-    "the result is turned": lambda ground, result: setattr(result, "rotation_euler", (0.0, 0.0, math.pi / 2)),
-    "the result is mirrored": lambda ground, result: setattr(result, "scale", (-1.0, 1.0, 1.0)),
-    "the result is scaled": lambda ground, result: setattr(result, "scale", (1.0, 2.0, 0.5)),
+    "the result is turned": lambda ground, result: alone(result, "rotation_euler", (0.0, 0.0, math.pi / 2)),
+    "the result is mirrored": lambda ground, result: alone(result, "scale", (-1.0, 1.0, 1.0)),
+    "the result is scaled": lambda ground, result: alone(result, "scale", (1.0, 2.0, 0.5)),
+    "the result is turned as it follows": lambda ground, result: setattr(result, "rotation_euler", (0.3, 0.0, 0.8)),
 }
 
 
