@@ -37,12 +37,14 @@ __all__ = [
     "SEED",
     "TO_ORIGIN",
     "add_attribute",
+    "any_twice",
     "bodies_in_world",
     "body_places",
     "can_stand_anew",
     "ground_attributes",
     "hide_points",
     "kept_places",
+    "numbers_of",
     "paint_points",
     "read_attribute",
     "sources_by_number",
@@ -270,7 +272,7 @@ def kept_places(result: bpy.types.Object) -> KeptPlaces | None:
         position,
         read_attribute(mesh, BODY_ANGLE) if BODY_ANGLE in mesh.attributes else None,
         read_attribute(mesh, BODY_LENGTH) if BODY_LENGTH in mesh.attributes else None,
-        read_attribute(mesh, "id"),
+        numbers_of(mesh),
         read_attribute(mesh, "class_index"),
         read_attribute(mesh, "size_index"),
         read_attribute(mesh, SCALE)[:, 0],
@@ -280,6 +282,24 @@ def kept_places(result: bpy.types.Object) -> KeptPlaces | None:
         read_attribute(mesh, WEIGHTS) if known else np.zeros((count, 3), np.float32),
         read_attribute(mesh, TARGET) if TARGET in mesh.attributes else np.zeros(count, np.int32),
     )
+
+
+def numbers_of(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Return the numbers of a result's points, shape ``[n]``: of copies made by hand, which say the same, numbers of their own."""
+    number = read_attribute(mesh, "id")
+    if not any_twice(number):
+        return number
+    _, first, which = np.unique(number, return_index=True, return_inverse=True)
+    copies = np.flatnonzero(first[which] != np.arange(len(number)))
+    number[copies] = np.setdiff1d(np.arange(len(number)), number)[: len(copies)]
+    return number
+
+
+def any_twice(number: np.ndarray) -> bool:
+    """Tell whether any of some whole numbers, shape ``[n]``, is there twice; at once where they are small, as those of points are."""
+    if len(number) and number.min() >= 0 and number.max() < 4 * len(number):
+        return bool(np.bincount(number).max() > 1)
+    return len(np.unique(number)) < len(number)
 
 
 def sources_by_number(result: bpy.types.Object) -> np.ndarray:

@@ -22,7 +22,9 @@ from .kept_ground import (
     PINNED,
     PLACED_AT,
     TO_ORIGIN,
+    any_twice,
     body_places,
+    numbers_of,
     read_attribute,
     sources_by_number,
     write_attribute,
@@ -48,6 +50,7 @@ __all__ = [
     "remove",
     "selected_points",
     "staying",
+    "tell_copies_apart",
     "turn",
     "unpin",
 ]
@@ -163,9 +166,47 @@ def moved_by_hand(mesh: bpy.types.Mesh) -> np.ndarray:
 
 
 def staying(mesh: bpy.types.Mesh) -> np.ndarray:
-    """Return which points of a result stay in the next run, shape ``[n]``: those that are pinned, and those that were moved."""
-    moved = moved_by_hand(mesh)
-    return moved | read_attribute(mesh, PINNED) if PINNED in mesh.attributes else moved
+    """Return which points of a result stay in the next run, shape ``[n]``: those that are pinned, that were moved, or copied."""
+    stays = moved_by_hand(mesh)
+    if PINNED in mesh.attributes:
+        stays |= read_attribute(mesh, PINNED)
+    copied, covered = _copies(mesh)
+    stays[copied], stays[covered] = True, False
+    return stays
+
+
+def _copies(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Return which points were copied by hand or are copies, and which of such lie where the one does that they are copies of.
+
+    Of a point and a copy somewhere else nobody knows which is which: both are where somebody wants them. A copy that lies on what it
+    is a copy of was called off.
+    """
+    number = read_attribute(mesh, "id")
+    if PLACED_AT not in mesh.attributes or not any_twice(number):
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+    _, which, times = np.unique(number, return_inverse=True, return_counts=True)
+    twice = np.flatnonzero(times[which] > 1)
+    # Points of two results that were joined may have one number, and were put elsewhere.
+    same = np.column_stack([number[twice], read_attribute(mesh, PLACED_AT)[twice].view(np.int32)])
+    _, group = np.unique(same, axis=0, return_inverse=True)
+    place = np.column_stack([group.ravel(), read_attribute(mesh, "position")[twice].view(np.int32)])
+    found, first = np.unique(place, axis=0, return_index=True)
+    covered = np.ones(len(twice), bool)
+    covered[first] = False
+    places = np.bincount(found[:, 0])[group.ravel()]
+    return twice[~covered & (places > 1)], twice[covered]
+
+
+def tell_copies_apart(mesh: bpy.types.Mesh) -> None:
+    """Give copies that were made by hand numbers of their own, and have all of them and what they are copies of stay."""
+    copied, covered = _copies(mesh)
+    if not len(copied) and not len(covered):
+        return
+    number, pinned, placed = numbers_of(mesh), _read_pinned(mesh), read_attribute(mesh, PLACED_AT)
+    pinned[copied], pinned[covered] = True, False
+    placed[covered] = read_attribute(mesh, "position")[covered]
+    for name, values in (("id", number), (PINNED, pinned), (PLACED_AT, placed)):
+        write_attribute(mesh, name, values)
 
 
 def read_pins(
@@ -215,7 +256,7 @@ def read_pins(
         of(SCALE)[:, 0].astype(np.float64),
         of(FIT).astype(np.float64) if FIT in mesh.attributes else np.ones(len(stays)),
         sources_by_number(result)[of(INSTANCE_INDEX).astype(np.int64)],
-        of("id").astype(np.int64),
+        numbers_of(mesh)[stays].astype(np.int64),
         read_attribute(mesh, NORMAL)[stays].astype(np.float64),
         now.turned[stays],
         turn,
@@ -317,9 +358,15 @@ def add_pins(fixed: np.ndarray, position: np.ndarray) -> dict[str, tuple[str, np
 
 
 def _mark(mesh: bpy.types.Mesh, points: np.ndarray, value: bool) -> None:
-    if PINNED not in mesh.attributes:
-        mesh.attributes.new(PINNED, "BOOLEAN", "POINT")
-    pinned = read_attribute(mesh, PINNED)
+    tell_copies_apart(mesh)
+    pinned = _read_pinned(mesh)
     pinned[points] = value
     write_attribute(mesh, PINNED, pinned)
     mesh.update()
+
+
+def _read_pinned(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Return which points are pinned, shape ``[n]``; a mesh that does not say so can be told from now on."""
+    if PINNED not in mesh.attributes:
+        mesh.attributes.new(PINNED, "BOOLEAN", "POINT")
+    return read_attribute(mesh, PINNED)

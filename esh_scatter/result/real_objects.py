@@ -89,6 +89,7 @@ def make_real(context: bpy.types.Context, result: bpy.types.Object, class_names:
     for source in shown_objects(result):
         if isinstance(source, bpy.types.Collection):
             put_offset(source, context)
+    pins.tell_copies_apart(result.data)
     shown = _read(context, result)
     if not len(shown.identity):
         raise ProblemError(f'"{result.name}" must show instances to make real; it shows none')

@@ -113,6 +113,98 @@ def test_pinning_turning_and_letting_go(made):
     assert not pins.staying(active().result.data).any() and not active().outdated
 
 
+def copy(mesh, points, by):
+    """Duplicate points in Edit Mode, and move the copies (Shift D)."""
+    select(mesh, points)
+    bpy.ops.object.select_all(action="DESELECT")
+    bpy.context.view_layer.objects.active = active().result
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.duplicate()
+    bpy.ops.transform.translate(value=(*by, 0.0))
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def stand_at(places):
+    """Tell how far from places ``[n, 2]`` the nearest points of the result are [m]."""
+    found = read_attribute(active().result.data, "position")[:, :2]
+    return np.linalg.norm(np.asarray(places)[:, None] - found[None], axis=2).min(axis=1)
+
+
+@pytest.mark.parametrize("moved_before", [False, True])
+def test_copies_stay_where_they_were_put_and_so_does_what_they_are_copies_of(made, moved_before):
+    """Their numbers were the same: a run was refused with the words of Python, or the original went."""
+    mesh = made.result.data
+    if moved_before:
+        move(mesh, 5, (3.0, 4.0))
+    places = read_attribute(mesh, "position")[[5, 70], :2]
+    copy(mesh, [5, 70], (1.3, 0.9))
+    assert len(mesh.vertices) == 112 and pins.staying(mesh).sum() == 4
+    assert active().changes() == ["instances set by hand"]
+    for seed in (0, 9):
+        active().seed = seed
+        assert bpy.ops.esh.scatter() == {"FINISHED"}
+        mesh = active().result.data
+        assert len(mesh.vertices) == 110 and len(np.unique(read_attribute(mesh, "id"))) == 110
+        assert pins.staying(mesh).sum() == 4 and not active().outdated
+        assert stand_at([*places, *(places + (1.3, 0.9))]).max() < 5e-3
+
+
+def test_copies_that_were_called_off_are_none(made):
+    mesh = made.result.data
+    move(mesh, 7, (3.0, 4.0))
+    copy(mesh, [7, 8], (0.0, 0.0))
+    assert np.flatnonzero(pins.staying(mesh)).tolist() == [7]
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    mesh = active().result.data
+    assert len(mesh.vertices) == 110 and pins.staying(mesh).sum() == 1
+
+
+def test_copies_can_be_let_go_alone(made):
+    mesh = made.result.data
+    copy(mesh, [5], (1.3, 0.9))
+    select(mesh, [110])
+    bpy.ops.esh.instances_unpin()
+    assert np.flatnonzero(pins.staying(mesh)).tolist() == [5]
+    assert len(np.unique(read_attribute(mesh, "id"))) == 111
+
+
+def test_copies_can_be_made_real_and_taken_back(made):
+    copy(made.result.data, [5], (1.3, 0.9))
+    bpy.ops.esh.instances_make_real()
+    bpy.ops.esh.instances_from_real()
+    mesh = active().result.data
+    assert np.flatnonzero(pins.staying(mesh)).tolist() == [5, 110]
+
+
+def test_live_begins_with_what_was_moved_before_it_was_switched_on(made, follow):
+    number = move(made.result.data, 5, (3.0, 4.0))
+    made.live = True
+    follow()
+    assert active().live and [one.message for one in live._followed.values()] == [""]
+    active().classes["Beech"].sizes[0].count = 40
+    follow()
+    assert len(active().result.data.vertices) == 100
+    np.testing.assert_allclose(state(active().result.data)[0][number][:2], (3.0, 4.0), atol=5e-3)
+
+
+def test_live_goes_on_from_copies(made, follow):
+    copy(made.result.data, [5], (1.3, 0.9))
+    places = read_attribute(made.result.data, "position")[[5, 110], :2]
+    made.live = True
+    follow()
+    assert active().live and len(active().result.data.vertices) == 110
+    active().classes["Beech"].sizes[0].count = 40
+    follow()
+    assert len(active().result.data.vertices) == 100 and stand_at(places).max() < 5e-3
+
+
+def test_more_copies_than_are_asked_for_are_one_sentence(made):
+    copy(made.result.data, list(range(60)), (0.4, 0.3))
+    with pytest.raises(RuntimeError, match="pinned") as error:
+        bpy.ops.esh.scatter()
+    assert "Fixed" not in str(error.value)
+
+
 def test_what_is_shown_at_once_moves_nobody_by_hand(made):
     made.classes["Pine"].offset = 0.4
     assert not pins.moved_by_hand(made.result.data).any() and not made.outdated
