@@ -11,11 +11,22 @@ import bpy
 import numpy as np
 
 from ..classes.scatter_class import ScatterClass
-from ..result.kept_ground import KeptPlaces
+from ..result.kept_ground import KeptPlaces, kept_places
+from ..result.pins import staying
 from ..result.result import CLASS_NAMES
 from .job import ScatterJob
 
-__all__ = ["job_as_placed"]
+__all__ = ["job_as_placed", "places_in_order"]
+
+
+def places_in_order(result: bpy.types.Object) -> KeptPlaces | None:
+    """Return what :func:`kept_places` does in the order of problems: by class and size, and of each what stays last."""
+    places = kept_places(result)
+    if places is None:
+        return None
+    order = np.lexsort((staying(result.data), places.size_index, places.class_index))
+    chosen: dict[str, Any] = {name: None if value is None else value[order] for name, value in places._asdict().items()}
+    return KeptPlaces(**chosen)
 
 
 def job_as_placed(

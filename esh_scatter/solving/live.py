@@ -180,9 +180,8 @@ class _Live:
 
     def _submit(self, context: bpy.types.Context, scatter: Scatter) -> None:
         """Have the scatter solved as it is now, if it differs from what was solved last."""
-        from ..result.kept_ground import kept_places
         from .job import ScatterJob
-        from .job_as_placed import job_as_placed
+        from .job_as_placed import job_as_placed, places_in_order
         from .live_worker import Request
 
         self._looked = time.monotonic()
@@ -207,7 +206,7 @@ class _Live:
         try:
             positional, named = scatter.arguments(context.scene)
             job = ScatterJob(*positional, **named, prepare=False)
-            places = kept_places(result) if result is not None and (first or not self._worker.has_solver) else None
+            places = places_in_order(result) if result is not None and (first or not self._worker.has_solver) else None
             anew = scatter.has_other_border(record) if first else _needs_a_new_start(self._record, record)
             ready_only = first and bool(scatter.report_json) and not scatter.outdated
             # Counts may be others than those that are there, since it was off.
