@@ -25,6 +25,7 @@ from ...engine.problem.scatter_settings import Standing
 from ...engine.problem.settings import settings_of
 from ..classes.amount import Amount
 from ..result.scene_units import area_unit, in_scene_units
+from .deleted import deleted_name
 from .described import property_of, values_from, with_properties
 from .entries import entry_at
 from .layer import ESH_PG_layer
@@ -294,6 +295,8 @@ class ESH_PG_class(PropertyGroup):
                 return f'Class "{self.name}"{where}: {missing}'
         if self.direction_kind == "IMAGE" and self.direction_image is None:
             return f'Class "{self.name}": choose its flow image'
+        if deleted := self._deleted_look():
+            return f'Class "{self.name}": "{deleted}" was deleted; choose another object to look at'
         if not self.sizes:
             return f'Class "{self.name}": add a size'
         for size in self.sizes:
@@ -301,6 +304,15 @@ class ESH_PG_class(PropertyGroup):
                 where = f', size "{size.name}"' if len(self.sizes) > 1 else ""
                 return f'Class "{self.name}"{where}: {missing}'
         return None
+
+    @property
+    def deleted(self) -> bool:
+        """Whether anything was deleted that it places, follows or looks at."""
+        layers = (layer.deleted(self.id_data) for layer in self.layers if layer.use)
+        return any(size.deleted for size in self.sizes) or any(layers) or bool(self._deleted_look())
+
+    def _deleted_look(self) -> str:
+        return deleted_name(self.look_at_object) if self.use_look_at else ""
 
     def as_argument(self) -> "ScatterClass":
         """Return this class as :func:`~esh.scatter` takes it."""

@@ -25,6 +25,7 @@ from ..densities.kinds import (
     VertexGroupDensity,
 )
 from ..targets.target import NUMBERS
+from .deleted import deleted_name
 from .described import shown_settings, values_from, with_properties
 from .names import scatter_of
 
@@ -266,6 +267,8 @@ class ESH_PG_layer(PropertyGroup):
             near = "to be near" if kind == "DISTANCE" else "to be inside"
             if self.source is None:
                 return f"choose {what} {near}"
+            if deleted := self.deleted(scene):
+                return f'"{deleted}" was deleted; choose another object {near}'
             if self.source_kind == "COLLECTION" and not self.source.all_objects:
                 return f'collection "{self.source.name}" is empty; add objects to it'
         if kind == "CLASS":
@@ -274,9 +277,18 @@ class ESH_PG_layer(PropertyGroup):
                 return "choose the class that it follows"
             if other.mute:
                 return f'it follows "{other.name}", which is muted'
-        if kind == "CAMERA" and self.camera is None and scene.camera is None:
-            return "choose a camera, or give the scene one"
+        if kind == "CAMERA":
+            if self.camera is None and scene.camera is None:
+                return "choose a camera, or give the scene one"
+            if deleted := self.deleted(scene):
+                return f'"{deleted}" was deleted; choose another camera'
         return None
+
+    def deleted(self, scene: bpy.types.Scene) -> str:
+        """Return the name of what was deleted of what it follows, or an empty text."""
+        if self.kind == "CAMERA":
+            return deleted_name(self.camera or scene.camera)
+        return deleted_name(self.source) if self.kind in ("DISTANCE", "INSIDE") else ""
 
     def _image_obstacle(self, target: bpy.types.Object) -> str | None:
         if self.image is None:

@@ -9,6 +9,7 @@ from bpy.types import PropertyGroup
 
 from ...engine.problem.settings import settings_of
 from ..solving.obstacles import FreePlace, ScatterObstacle
+from .deleted import deleted_name
 from .described import property_of
 
 __all__ = ["CLASSES", "ESH_PG_free_place", "ESH_PG_obstacle"]
@@ -61,7 +62,12 @@ class ESH_PG_obstacle(PropertyGroup):
     @property
     def ready(self) -> bool:
         """Whether it is switched on and there is something to keep off."""
-        return self.use and self.source is not None
+        return self.use and self.source is not None and not self.deleted
+
+    @property
+    def deleted(self) -> str:
+        """Name of what was deleted of what it is, or an empty text: it is kept off no longer."""
+        return deleted_name(self.source)
 
     @property
     def has_lines(self) -> bool:

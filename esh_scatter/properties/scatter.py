@@ -18,13 +18,13 @@ from ..targets import checksums
 from . import settings_record
 from .asked_once import asked_once
 from .body_class import CLASS_COLORS, ESH_PG_class
+from .deleted import in_a_scene
 from .described import values_from, with_properties
 from .entries import entry_at
 from .names import scatter_renamed, take_name_of_result, unused_name
 from .obstacle import ESH_PG_free_place, ESH_PG_obstacle
 from .placed import ESH_PG_placed, remember_placed, replaced
 from .shown_at_once import show_class_anew, stand_class_anew
-from .size import in_a_scene
 from .target import WithTarget
 
 __all__ = ["BY_HAND", "CLASSES", "ESH_PG_scatter"]
@@ -261,10 +261,14 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
             return [c for c in self.classes if not c.mute and self.obstacle_of(c) is None]
 
     def left_out(self) -> list[str]:
-        """Return what keeps classes that are not muted from being scattered, one sentence for each."""
+        """Return what keeps classes that are not muted from being scattered, and obstacles from counting, one sentence for each."""
         with asked_once():
             why = [(c.name, self.obstacle_of(c)) for c in self.classes if not c.mute]
-        return [f"{name} is left out: {text.partition(': ')[2]}" for name, text in why if text]
+        gone = [one.deleted for one in self.obstacles if one.use and one.deleted]
+        return [
+            *(f"{name} is left out: {text.partition(': ')[2]}" for name, text in why if text),
+            *(f"{name} is left out: it was deleted; choose another object to avoid" for name in gone),
+        ]
 
     def arguments(self, scene: bpy.types.Scene) -> tuple[tuple, dict]:
         """Return the positional and keyword arguments of :func:`~esh.scatter` that these settings stand for.

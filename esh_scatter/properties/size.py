@@ -12,6 +12,7 @@ from bpy.types import PropertyGroup
 from ...engine.problem.settings import settings_of
 from ...engine.problem.size import Size
 from ..targets.target import FAMILY_OF, members_of
+from .deleted import in_a_scene
 from .described import property_of, values_from
 from .names import keep_name_unused
 from .shown_at_once import choose_variants_anew, place_others
@@ -19,7 +20,7 @@ from .shown_at_once import choose_variants_anew, place_others
 if TYPE_CHECKING:
     from ..api import ScatterSize
 
-__all__ = ["CLASSES", "ESH_PG_size", "in_a_scene"]
+__all__ = ["CLASSES", "ESH_PG_size"]
 
 _SIZE = settings_of(Size)
 
@@ -28,11 +29,6 @@ def remember_source(size: "ESH_PG_size", context: object) -> None:
     """Note whether the object to place is in a scene: if it no longer is later, it was deleted there."""
     size.source_was_in_scene = size.source_object is not None and in_a_scene(size.source_object)
     place_others(size, context)
-
-
-def in_a_scene(item: bpy.types.Object) -> bool:
-    """Tell whether an object is in any scene."""
-    return any(scene.objects.get(item.name) == item for scene in bpy.data.scenes)
 
 
 def list_variants(size: "ESH_PG_size", context: object) -> None:

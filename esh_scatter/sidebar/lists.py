@@ -157,7 +157,7 @@ class ESH_UL_obstacles(bpy.types.UIList):
         text.active = item.use
         source = item.item if item.kind == "OBJECT" else item.collection
         icon = "OUTLINER_COLLECTION" if item.kind == "COLLECTION" else "OBJECT_DATA"
-        text.label(text=source.name if source else "nothing yet", icon=icon if source else "ERROR")
+        text.label(text=source.name if source else "nothing yet", icon=icon if source and not item.deleted else "ERROR")
         row.prop(item, "use", text="")
 
 

@@ -167,7 +167,9 @@ class ESH_PT_obstacles(SubPanel, bpy.types.Panel):
         if chosen is not None:
             column.separator()
             column.prop(chosen, "kind")
-            column.prop(chosen, "item" if chosen.kind == "OBJECT" else "collection")
+            row = column.row()
+            row.alert = bool(chosen.deleted)
+            row.prop(chosen, "item" if chosen.kind == "OBJECT" else "collection")
             if chosen.has_lines:
                 column.prop(chosen, "width")
             column.prop(chosen, "margin")

@@ -168,7 +168,7 @@ class _Live:
                 names = [c.name for c in scatter.classes if c.uid == entry.uid]
                 if names:
                     return f"an object of {names[0]} was deleted"
-        deleted = [c.name for c in scatter.classes if not c.mute and any(size.deleted for size in c.sizes)]
+        deleted = [c.name for c in scatter.classes if not c.mute and c.deleted]
         return f"an object of {deleted[0]} was deleted" if deleted else ""
 
     def _time_to_look(self, attentive: bool) -> bool:
