@@ -62,6 +62,8 @@ class _Run(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     asked: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
+    # What was seen before the run, and is told after it.
+    _hints: tuple[str, ...] = ()
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run to the end before returning: for scripts, ``blender -b`` and the panel of the last operation."""
@@ -207,7 +209,7 @@ class _Run(bpy.types.Operator):
             # The new result stands for none of them.
             discard_real(real, ())
         left_out = settings.left_out()
-        look = [*getattr(self, "_hints", ())[:1], *words.notes(report), *left_out]
+        look = [*self._hints[:1], *words.notes(report), *left_out]
         text = words.summary(report)
         if look:
             text += f". {look[0]}" + (f" (and {len(look) - 1} more in the panel)" if len(look) > 1 else "")
@@ -351,10 +353,10 @@ class ScatterObjects(_Run):
             why = "fits on the ground" if long else "covers ground when seen from above"
             self.report({"ERROR"}, f"None of the objects {why}. Nothing was changed")
             return None
-        self._hints = [
+        self._hints = tuple(
             f'"{name}" is as large as the ground: to scatter on it as well, choose a collection of both as the target'
             for name in found.as_large(measured)
-        ]
+        )
         ground = found.ground_for(measured)
         counts = pleasant_counts([one.area for one in measured], ground, self.cover, self.most)
         scatter = context.scene.esh_scatter.add_scatter(stood_on(context.view_layer.objects.active))

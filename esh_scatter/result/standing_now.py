@@ -132,7 +132,8 @@ def moved_with(result: bpy.types.Object, position: np.ndarray, context: bpy.type
         followed = followed_targets(modifier.node_group)
         targets = [_target_now(one, context) for one in followed]
         # Of earlier versions: a target that has lost or got vertices is not followed, and then none is.
-        if all(one.rest is not None for one in followed) or all(len(one.vertices) for one in targets):
+        known = all(one.rest is not None for one in followed) or all(len(one.vertices) for one in targets)
+        if followed and known:
             position, turned = _follow(mesh, position, targets)
     return MovedWith(position, turned)
 
