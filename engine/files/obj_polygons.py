@@ -19,19 +19,39 @@ def without_concave_polygons(text: str) -> str | None:
     left to whoever reads the rest.
     """
     lines = text.replace("\\\n", " ").split("\n")
-    faces = [number for number, line in enumerate(lines) if line.startswith("f ") and len(line.split()) > 4]
-    if not faces:
+    corners: dict[int, list[list[int]]] = {}
+    rows: dict[int, list[int]] = {}
+    for number, line in enumerate(lines):
+        if line.startswith("f ") and (found := _corners(line)):
+            corners.setdefault(len(found), []).append(found)
+            rows.setdefault(len(found), []).append(number)
+    if not corners:
         return None
     before = np.cumsum([line.startswith("v ") for line in lines])
     vertices = np.array([_numbers(line) for line in lines if line.startswith("v ")]).reshape(-1, 3)
     changed = False
-    for number in faces:
-        tokens = lines[number].split("#")[0].split()[1:]
-        outline = _outline(tokens, vertices, int(before[number]))
-        if outline is not None and _is_concave(outline):
-            lines[number] = "\n".join(f"f {' '.join(tokens[k] for k in three)}" for three in _ears(outline))
+    for count, of_faces in corners.items():
+        number = np.array(rows[count])
+        outlines = _outlines(np.array(of_faces), vertices, before[number])
+        for place in np.flatnonzero(_are_concave(outlines)).tolist():
+            tokens = _tokens(lines[number[place]])
+            triangles = _ears(outlines[place])
+            lines[number[place]] = "\n".join(f"f {' '.join(tokens[k] for k in three)}" for three in triangles)
             changed = True
     return "\n".join(lines) if changed else None
+
+
+def _tokens(line: str) -> list[str]:
+    return line.split("#")[0].split()[1:]
+
+
+def _corners(line: str) -> list[int]:
+    """Numbers of a face's vertices as they are written; none of a triangle, nor of what is no face."""
+    tokens = _tokens(line)
+    try:
+        return [int(token.split("/")[0]) for token in tokens] if len(tokens) > 3 else []
+    except ValueError:
+        return []
 
 
 def _numbers(line: str) -> list[float]:
@@ -41,35 +61,41 @@ def _numbers(line: str) -> list[float]:
         return [np.nan] * 3
 
 
-def _outline(tokens: list[str], vertices: np.ndarray, before: int) -> np.ndarray | None:
-    """Corners of a polygon in the plane that it lies in most nearly, against the clock, shape ``[n, 2]``; None if it is none."""
-    try:
-        index = np.array([int(token.split("/")[0]) for token in tokens])
-    except ValueError:
-        return None
-    # Numbers below 0 count back from the vertices that stand before the face.
-    index = np.where(index > 0, index - 1, before + index)
-    if len(index) < 4 or index.min() < 0 or index.max() >= len(vertices):
-        return None
-    corner = vertices[index] - vertices[index[0]]
-    normal = 0.5 * np.cross(corner, np.roll(corner, -1, axis=0)).sum(axis=0)
-    length = np.linalg.norm(normal)
-    if not 0.0 < length < np.inf:
-        return None
-    normal /= length
-    along = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    along /= np.linalg.norm(along)
-    return np.stack([corner @ along, corner @ np.cross(normal, along)], axis=1)
+def _outlines(index: np.ndarray, vertices: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Corners of polygons in the planes that they lie in most nearly, against the clock; not finite of what is none.
+
+    Args:
+        index: Numbers of their vertices as they are written, shape ``[m, n]``.
+        vertices: Shape ``[v, 3]``.
+        before: How many vertices stand before each face, from which numbers below 0 count back.
+
+    Returns:
+        Shape ``[m, n, 2]``.
+    """
+    index = np.where(index > 0, index - 1, before[:, None] + index)
+    known = ((index >= 0) & (index < len(vertices))).all(axis=1)
+    corner = np.full((*index.shape, 3), np.nan)
+    corner[known] = vertices[index[known]]
+    corner -= corner[:, :1]
+    normal = np.cross(corner, np.roll(corner, -1, axis=1)).sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        along = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal), axis=1)])
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+    return np.stack([np.einsum("mnk,mk->mn", corner, one) for one in (along, np.cross(normal, along))], axis=2)
 
 
 def _turn(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
 
 
-def _is_concave(outline: np.ndarray) -> bool:
-    side = np.roll(outline, -1, axis=0) - outline
-    long = np.linalg.norm(side, axis=1)
-    return bool((_turn(np.roll(side, 1, axis=0), side) < -STRAIGHT * np.roll(long, 1) * long).any())
+def _are_concave(outlines: np.ndarray) -> np.ndarray:
+    """Which polygons turn back anywhere, shape ``[m]``."""
+    side = np.roll(outlines, -1, axis=1) - outlines
+    long = np.linalg.norm(side, axis=2)
+    with np.errstate(invalid="ignore"):
+        back = _turn(np.roll(side, 1, axis=1), side) < -STRAIGHT * np.roll(long, 1, axis=1) * long
+    return back.any(axis=1)
 
 
 def _ears(outline: np.ndarray) -> Iterator[tuple[int, int, int]]:

@@ -389,7 +389,7 @@ CLASSES = (
     ESH_PT_balance,
     ESH_PT_obstacles,
     ESH_PT_instances,
-    *report_panel.CLASSES,
     ESH_PT_display,
+    *report_panel.CLASSES,
     ESH_PT_advanced,
 )
