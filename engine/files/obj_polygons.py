@@ -31,12 +31,11 @@ def without_concave_polygons(text: str) -> str | None:
     vertices = np.array([_numbers(line) for line in lines if line.startswith("v ")]).reshape(-1, 3)
     changed = False
     for count, of_faces in corners.items():
-        number = np.array(rows[count])
-        outlines = _outlines(np.array(of_faces), vertices, before[number])
+        own = rows[count]
+        outlines = _outlines(np.array(of_faces), vertices, before[own])
         for place in np.flatnonzero(_are_concave(outlines)).tolist():
-            tokens = _tokens(lines[number[place]])
-            triangles = _ears(outlines[place])
-            lines[number[place]] = "\n".join(f"f {' '.join(tokens[k] for k in three)}" for three in triangles)
+            tokens, triangles = _tokens(lines[own[place]]), _ears(outlines[place])
+            lines[own[place]] = "\n".join(f"f {' '.join(tokens[k] for k in three)}" for three in triangles)
             changed = True
     return "\n".join(lines) if changed else None
 
