@@ -186,7 +186,7 @@ class Cascade:
         )
         is_full = share.max(axis=0) > 0.0
         parts = _Parts(launcher, facets, on_device, is_full, [*share, facets.tile_area], LARGE_TILE * length**2)
-        self.nodes, self.home = self._serving(nodes, facets, tiles, is_full)
+        self.nodes, self.home = self._serving(nodes, facets, tiles, parts.tile[0], _places(launcher, ~is_full))
         self.node_count = self.nodes.count
         self._weights, pairs = self.nodes.weights, self.nodes.pairs
         self._nearby = kernels_cascade.NearPart()
@@ -306,16 +306,15 @@ class Cascade:
                 multiply(level.up, level.up_value, potential[number + 1], 1, potential[number])
 
     def _serving(
-        self, nodes: Nodes | None, facets: Facets, tiles: Points, is_full: np.ndarray
+        self, nodes: Nodes | None, facets: Facets, tiles: Points, full: wp.array, empty: wp.array
     ) -> tuple[Nodes, wp.array]:
-        """Nodes, those that are given if they will do, and the homes of tiles among them."""
+        """Nodes, those that are given if they will do, and the homes of tiles among them; some tiles are full, others empty."""
         launcher = self.launcher
-        full, empty = _places(launcher, is_full), _places(launcher, ~is_full)
         if nodes is not None and nodes.length == self._length:
             home = nodes.homes(tiles, full, empty, made_for_others=True)
             if home is not None:
                 return nodes, home
-        middles = tiles if is_full.all() else chosen(launcher, tiles, full)
+        middles = chosen(launcher, tiles, full) if len(empty) else tiles
         nodes = Nodes(launcher, facets, self._facets, middles, self._length)
         home = nodes.homes(tiles, full, empty)
         assert home is not None
