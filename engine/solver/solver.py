@@ -468,12 +468,14 @@ class Solver:
             self.descent = Descent(self.model, self.launcher)
         on_surface = isinstance(self.descent, SurfaceDescent)
         check_is(state, SurfaceState if on_surface else State, "`state`")
+        own: StateArrays = self.descent.state
+        own.check(state)
         if state.unit[0] != self.model.unit:
             # One that has seen edits may be in that of the problem before them.
             self._let_go(self.descent)
             self.model = self.model.in_unit(float(state.unit[0]))
             self.descent = (SurfaceDescent if on_surface else Descent)(self.model, self.launcher)
-        own: StateArrays = self.descent.state
+            own = self.descent.state
         own.assign(state)
         self.descent.place_charges()
 

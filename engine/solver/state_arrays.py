@@ -30,12 +30,17 @@ class StateArrays:
 
     def assign(self, other: Self) -> None:
         """Take over the values of another state, of the same shapes and unit; it may be on another device."""
+        self.check(other)
+        for name, array in self._arrays().items():
+            wp.copy(array, getattr(other, name))
+        self.steps[:] = other.steps
+
+    def check(self, other: Self) -> None:
+        """Raise ValueError where the arrays of another state have other shapes."""
         for name, array in self._arrays().items():
             given = getattr(other, name)
             if given.shape != array.shape:
                 raise ValueError(f"`{name}` must have shape {array.shape}; got {given.shape}")
-            wp.copy(array, given)
-        self.steps[:] = other.steps
 
     def save(self, path: str | Path) -> None:
         """Write the state as `.npz`."""
