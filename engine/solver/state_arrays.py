@@ -8,6 +8,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import warp as wp
 
+from ..errors import ProblemError
+
 __all__ = ["StateArrays"]
 
 
@@ -36,11 +38,11 @@ class StateArrays:
         self.steps[:] = other.steps
 
     def check(self, other: Self) -> None:
-        """Raise ValueError where the arrays of another state have other shapes."""
+        """Raise ProblemError where the arrays of another state have other shapes."""
         for name, array in self._arrays().items():
             given = getattr(other, name)
             if given.shape != array.shape:
-                raise ValueError(f"`{name}` must have shape {array.shape}; got {given.shape}")
+                raise ProblemError(f"`{name}` must have shape {array.shape}; got {given.shape}")
 
     def save(self, path: str | Path) -> None:
         """Write the state as `.npz`."""

@@ -68,7 +68,7 @@ def test_a_state_of_another_problem_is_refused():
     with Solver(problem_of("dots"), device="cpu") as solver:
         state = solver.state.copy()
     other = Problem(Domain((30.0, 20.0)), [BodyClass("a", [Size("s", 0.4, 7)])])
-    with pytest.raises(ValueError, match="`pose` must have shape"):
+    with pytest.raises(ProblemError, match="`pose` must have shape"):
         Solver(other, device="cpu", state=state)
 
 
