@@ -212,6 +212,7 @@ OF_SCRIPTS = {
     "solver/solver.py Solver.edit": 2,
     "solver/solver.py Solver.start_at": 2,
     "solver/solver.py _checked_flags": 1,
+    "solver/state_arrays.py StateArrays.check": 1,
 }
 # What Blender's side asks for by names, which these sentences say: UV maps, vertex groups, attributes.
 IN_WORDS_OF_BLENDER = {
