@@ -190,7 +190,7 @@ class Blur:
         inside = deposit_images(launcher, [np.ones((1, 1), np.float32)], layout)
         convolution.apply(smooth, inside)
         # Of the whole domain, a node's share of the area, and the charges there would be if it were dense everywhere.
-        area = layout.space.area
+        area = layout.whole.area
         whole, dense = layout.node_area / area, area / spacing**2
         launcher.launch(
             kernels_blur.find_variances,

@@ -18,6 +18,7 @@ import warp as wp
 from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBORS, Launcher
 from ..space import kernels_cells
 from ..space.cell_sort import CellSort
+from ..space.part import Part
 from ..space.space import Space
 from ..space.target_deposit import deposit_images, mix_images
 from . import blur, kernels_field, kernels_gather, kernels_near, kernels_splines
@@ -56,7 +57,7 @@ class Field:
 
     Args:
         launcher: Where to run.
-        space: Where the charges are.
+        space: Where the charges may be.
         interaction: M, shape ``[group_count, group_count]``.
         targets: One per group.
         spacing: Typical distance of neighboring bodies where they are dense; sets the mesh.
@@ -71,6 +72,8 @@ class Field:
             bounds the blur otherwise, reaches farther.
         whole_charge: What charges were before they faded towards a cut, shape ``[n]``: their blur is that of bodies of this size; None
             where none did.
+        part: The part of the space that holds all charges and targets; None where that is no small one. Meshes and cells lie over it
+            alone, in coordinates of their own, and it ends at its edges, whatever the space does.
 
     Attributes:
         layout: The charges' mesh.
@@ -104,8 +107,11 @@ class Field:
         fewest_nodes: int | None = None,
         smooth: bool = False,
         whole_charge: np.ndarray | None = None,
+        part: Part | None = None,
     ) -> None:
-        self.launcher, self.space = launcher, space
+        self.launcher, self._whole = launcher, space
+        self._origin = (0.0, 0.0) if part is None else part.origin(space.size)
+        self.space = space = space if part is None else Space(part.extent(space.size))
         self.group_count, self.charge_count = len(targets), len(charge)
         device = launcher.device
         images, whole, charge_of_image, self.image_of_class = _distinct_images(targets)
@@ -119,7 +125,7 @@ class Field:
             group_count=self.group_count,
             on_gpu=device.is_cuda,
             blur_over_spacing=blur_over_spacing,
-        )
+        ).in_part(self._origin, self._whole)
         self.cutoff = cutoff_of(self.layout, blur_over_spacing * spacing if smooth else 0.0)
         self.mesh = self.layout.for_kernels()
         self.node_count = self.layout.node_count
@@ -136,6 +142,7 @@ class Field:
         self._correction = TargetCorrection(
             launcher,
             space=space,
+            within=(self._origin, self._whole),
             images=images,
             whole=whole,
             attraction=np.stack([(interaction * same) @ charge_of_image, (interaction * ~same) @ charge_of_image]),
@@ -161,6 +168,7 @@ class Field:
         self, charge: np.ndarray, group: np.ndarray, whole_charge: np.ndarray | None
     ) -> kernels_gather.GivenCharges:
         given = kernels_gather.GivenCharges()
+        given.origin, given.extent = wp.vec2(*self._origin), wp.vec2(*self.space.size)
         given.charge, given.group = self.launcher.array(charge, float), self.launcher.array(group, wp.int32)
         given.size = given.charge if whole_charge is None else self.launcher.array(whole_charge, float)
         return given
@@ -218,7 +226,7 @@ class Field:
         cells = kernels_cells.CellGrid()
         cells.count_x, cells.count_y = counts
         cells.inverse_size = wp.vec2(counts[0] / self.space.size[0], counts[1] / self.space.size[1])
-        cells.space = self.space.for_kernels()
+        cells.origin, cells.space = wp.vec2(*self._origin), self.space.for_kernels()
         self.cells = cells
 
     def _lay_images(self, images: list[np.ndarray], attracting: np.ndarray) -> None:

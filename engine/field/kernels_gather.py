@@ -19,8 +19,13 @@ GATHERED_AT_ONCE = 64
 
 @wp.struct
 class GivenCharges:
-    """Charges in the order in which they were given: charge and group of each, and the charge that its blur is of."""
+    """Charges in the order in which they were given: charge and group of each, and the charge that its blur is of.
 
+    Their positions count from an ``origin`` on, and none is taken to lie outside of a rectangle of ``extent`` from there.
+    """
+
+    origin: wp.vec2
+    extent: wp.vec2
     charge: wp.array(dtype=float)
     group: wp.array(dtype=wp.int32)
     size: wp.array(dtype=float)
@@ -55,10 +60,12 @@ _GATHER = """
     float* __restrict__ charge = charges.charge.data + start;
     int* __restrict__ group = charges.group.data + start;
     const float* __restrict__ from = (const float*)position.data;
+    const float origin_x = given.origin[0], origin_y = given.origin[1], width = given.extent[0], height = given.extent[1];
     for (int k = 0; k < count; ++k)
     {
-        x[k] = from[2 * order[k]];
-        y[k] = from[2 * order[k] + 1];
+        const float across = from[2 * order[k]] - origin_x, up = from[2 * order[k] + 1] - origin_y;
+        x[k] = across < 0.0f ? 0.0f : across > width ? width : across;
+        y[k] = up < 0.0f ? 0.0f : up > height ? height : up;
     }
     for (int k = 0; k < count; ++k)
     {
@@ -166,4 +173,4 @@ def lay_charges(
         place = place_in_order(i, counting, charges.cell_start)
         charges.order[place] = i
         gather(place, 1, i, position, given, interaction, group_count, places, charges, blurred)
-        deposit(position[i], given.charge[i], given.group[i], mesh, node_charge)
+        deposit(wp.vec2(charges.x[place], charges.y[place]), given.charge[i], given.group[i], mesh, node_charge)

@@ -35,6 +35,7 @@ class TargetCorrection:
     Args:
         launcher: Where to run.
         space: What the targets lie over.
+        within: Where that begins in the space that images lie over, and this.
         images: The target densities of all classes; equal ones are one array.
         whole: What they were before they faded towards a cut, which says how dense bodies stand; mostly the same.
         attraction: Charge of each image that attracts each group, shape ``[2, group_count, image_count]``: of its own
@@ -62,6 +63,7 @@ class TargetCorrection:
         launcher: Launcher,
         *,
         space: Space,
+        within: tuple[tuple[float, float], Space],
         images: Sequence[np.ndarray],
         whole: Sequence[np.ndarray],
         attraction: np.ndarray,
@@ -84,7 +86,7 @@ class TargetCorrection:
             blur_over_spacing=blur_over_spacing,
             uniform=uniform,
             fewest_nodes=fewest_nodes,
-        )
+        ).in_part(*within)
         deposited = deposit_images(launcher, images, self.layout)
         faded = any(a is not b for a, b in zip(images, whole, strict=True))
         self.blur = Blur(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_cells import CellGrid
+from ..space.kernels_cells import CellGrid, column_and_row
 from ..space.kernels_images import Images, density_pixel
 from ..space.kernels_space import Space, difference, number_across, numbers_beside, numbers_within
 
@@ -71,8 +71,7 @@ def find_nearest(
     """
     i = first + wp.tid()
     p = wp.vec2(pose[i][0], pose[i][1])
-    cx = wp.clamp(int(p[0] * grid.inverse_size[0]), 0, grid.count_x - 1)
-    cy = wp.clamp(int(p[1] * grid.inverse_size[1]), 0, grid.count_y - 1)
+    cx, cy = column_and_row(p, grid)
     closest = float(NOBODY)
     rows = numbers_beside(cy, grid.count_y, grid.space)
     columns = numbers_beside(cx, grid.count_x, grid.space)
@@ -140,8 +139,7 @@ def nearest_six(
 ):
     """The six bodies nearest to body ``i``, of those at most ``reach`` cells away."""
     p = wp.vec2(pose[i][0], pose[i][1])
-    cx = wp.clamp(int(p[0] * grid.inverse_size[0]), 0, grid.count_x - 1)
-    cy = wp.clamp(int(p[1] * grid.inverse_size[1]), 0, grid.count_y - 1)
+    cx, cy = column_and_row(p, grid)
     six = Six()
     six.distance = vec6(NOBODY, NOBODY, NOBODY, NOBODY, NOBODY, NOBODY)
     rows = numbers_within(cy, reach, grid.count_y, grid.space)

@@ -23,6 +23,8 @@ HEXAGONAL_SPACING = math.sqrt(2.0 / math.sqrt(3.0))
 # A body without a neighbor in sight is told by a distance of more spacings; then cells grow by a factor until there is one.
 MOST_SPACINGS = 1e3
 WIDER = 4.0
+# Width of a cell over the mean spacing of bodies, at least.
+SMALLEST_CELL = 0.5
 # Bodies whose order is looked at: the mean of so many is known to 0.002. And how many cells away their neighbors are looked for.
 MOST_IN_ORDER = 10_000
 FARTHEST_CELLS = 32
@@ -81,16 +83,17 @@ def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing
     some = number_density[:: max(1, n // 10_000)].numpy()
     asked = some[some > 0.0]
     reach = 1.5 / math.sqrt(float(np.median(asked)) if len(asked) else 1.0)
+    origin, extent = _around(bodies, reach)
     # Cells no smaller than the reach, and not many more than bodies; a neighbor beyond the reach may be missed. In a long and narrow
     # domain all of them may lie beyond it.
-    side = max(reach, 0.5)
+    side = max(reach, SMALLEST_CELL * math.sqrt(extent[0] * extent[1] / n))
     nearest, share = launcher.empty(n, float), launcher.empty(n, float)
     while True:
         grid = kernels_cells.CellGrid()
-        counts = [max(1, int(length / side)) for length in space.size]
+        counts = [max(1, int(length / side)) for length in extent]
         grid.count_x, grid.count_y = counts
-        grid.inverse_size = wp.vec2(counts[0] / space.size[0], counts[1] / space.size[1])
-        grid.space = space.for_kernels()
+        grid.inverse_size = wp.vec2(counts[0] / extent[0], counts[1] / extent[1])
+        grid.origin, grid.space = wp.vec2(*origin), space.for_kernels()
         cells = CellSort(launcher, n, counts[0] * counts[1])
         cells.sort(kernels_cells.compute_cell_keys, [position_of(bodies.pose), grid])
         launcher.launch(
@@ -119,6 +122,17 @@ def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing
         usual * bodies.unit,
         _order(bodies, cells, grid),
     )
+
+
+def _around(bodies: MeasuredBodies, reach: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Origin and extent of a rectangle that holds all bodies: the whole space, but around those that crowd on a part of it."""
+    space = bodies.space
+    if reach > SMALLEST_CELL or not space.has_edges:
+        return (0.0, 0.0), space.size
+    position = position_of(bodies.pose).numpy()
+    low, high = position.min(axis=0).tolist(), position.max(axis=0).tolist()
+    # No less than a cell.
+    return (low[0], low[1]), (max(high[0] - low[0], reach), max(high[1] - low[1], reach))
 
 
 def _order(bodies: MeasuredBodies, cells: CellSort, grid: kernels_cells.CellGrid) -> float | None:

@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
+from ..space.part import Part
 from ..space.target_deposit import integrate_boxes
 from .attraction import vacancy
 from .model import Model
@@ -20,20 +21,28 @@ CELLS_PER_BODY = 2
 SMALLEST_ORDER, LARGEST_ORDER = 3, 10
 
 
-def cells_for(count: int, *images: np.ndarray) -> int:
-    """How finely the densities of so many bodies, which are these images, are compared: in so many cells along either side."""
+def cells_for(count: int, *images: np.ndarray, part: Part | None = None) -> int:
+    """How finely the densities of so many bodies, which are these images, are compared: in so many cells along either side.
+
+    These are cells of the domain, or of a ``part``.
+    """
     order = math.ceil(0.5 * math.log2(CELLS_PER_BODY * count + 1.0))
     if images:
-        order = min(order, math.ceil(math.log2(max(max(image.shape) for image in images))))
+        shares = (1.0, 1.0) if part is None else part.extent((1.0, 1.0))[::-1]
+        pixels = max(length * share for image in images for length, share in zip(image.shape, shares, strict=True))
+        order = min(order, math.ceil(math.log2(pixels)))
     return 1 << min(max(order, SMALLEST_ORDER), LARGEST_ORDER)
 
 
-def asked_share(launcher: Launcher, model: Model, class_index: int, cells: int) -> wp.array:
-    """Share of a class's bodies that are to be placed in every cell, flat, row 0 at the bottom; the sum is 1."""
+def asked_share(launcher: Launcher, model: Model, class_index: int, cells: int, part: Part | None = None) -> wp.array:
+    """Share of a class's bodies that are to be placed in every cell, flat, row 0 at the bottom; the sum is 1.
+
+    These are cells of the domain, or of a part, where nobody is fixed.
+    """
     of_model = _asked_of.setdefault(model, {})
-    key = class_index, cells, launcher.device.alias
+    key = class_index, cells, launcher.device.alias, part
     if key not in of_model:
-        share = integrate_boxes(launcher, model.problem.classes[class_index].density_image, (cells, cells))
+        share = integrate_boxes(launcher, model.problem.classes[class_index].density_image, (cells, cells), part)
         left = vacancy(model, class_index, cells)
         if left is not None:
             vacant = share.numpy().astype(np.float64) * left.ravel()
@@ -44,7 +53,7 @@ def asked_share(launcher: Launcher, model: Model, class_index: int, cells: int) 
 
 
 # Of a model that is edited to, the next edit asks again.
-_asked_of: WeakKeyDictionary[Model, dict[tuple[int, int, str], wp.array]] = WeakKeyDictionary()
+_asked_of: WeakKeyDictionary[Model, dict[tuple[int, int, str, Part | None], wp.array]] = WeakKeyDictionary()
 
 
 def are_asked_alike(one: Model, class_index: int, other: Model, other_index: int) -> bool:

@@ -15,11 +15,11 @@ import warp as wp
 
 from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBORS, Launcher
 from ..field.field import FieldTarget
-from ..field.mirrored_field import COPIES
 from ..problem.placement import Placement
 from ..space.support import images_for_kernels
 from ..space.target_deposit import mix_images
 from . import kernels_descent, kernels_direction, kernels_dots
+from .close_bodies import close_bodies
 from .contact import Contact, keeps_apart
 from .direction import Direction
 from .final_placement import facing_turns, placement_of, position_in_meters
@@ -52,11 +52,11 @@ class Descent:
         smooth: Width of a blur between two charges over their spacing, with nothing that keeps close pairs apart, as
             :mod:`.natural_border` wants it; None for the blur that places bodies.
         begins_short: Whether lines that lie across obstacles begin short, as at the start.
-        new: Where an edit has set bodies down, in the model's unit, shape ``[m, 2]``: see :mod:`.held_border`.
+        stirred: Where all forces count, also beside a natural border, in the model's unit, shape ``[m, 2]``: see :mod:`.held_border`.
 
     Attributes:
         state: Where the bodies are; at first on a Hilbert curve (see :mod:`.initial_placement`).
-        field: The forces; those of a mirrored domain are of one of twice its extent.
+        field: The forces; see :class:`.forces.Forces`.
         step_length: Inverse of the energy's curvature at every node of the field's mesh, flat, one group after the other.
         step_limit: How far a body may move in a step, at every node.
         contact: What keeps footprints apart, or None.
@@ -75,7 +75,7 @@ class Descent:
         whole_charge: np.ndarray | None = None,
         smooth: float | None = None,
         begins_short: bool = False,
-        new: np.ndarray | None = None,
+        stirred: np.ndarray | None = None,
     ) -> None:
         self.model = model
         self.launcher = launcher
@@ -98,7 +98,7 @@ class Descent:
         self.field = self._forces.field
         self._prepare_step_limits()
         held = model.problem.rectangle.natural and smooth is None
-        self.step_length = self._forces.step_lengths(launcher, self._shares_of_forces(new) if held else None)
+        self.step_length = self._forces.step_lengths(launcher, self._shares_of_forces(stirred) if held else None)
         # Dots look for the way back into the support only where they start.
         back = pose is None or bool(model.kinds)
         self.images = images_for_kernels(
@@ -135,6 +135,18 @@ class Descent:
     def positions(self) -> np.ndarray:
         """Where the bodies are [m], shape ``[body_count, 2]``."""
         return position_in_meters(self.model, self.state, self.launcher)
+
+    @property
+    def around(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Origin and extent of a rectangle that holds all bodies: the field's part of the space, or all of it."""
+        layout = self.field.layout
+        return ((0.0, 0.0), self.model.size) if layout.whole is layout.space else (layout.origin, layout.space.size)
+
+    def close_bodies(self) -> np.ndarray:
+        """Which dots stand too close to others, shape ``[body_count]``, bool; see :mod:`.close_bodies`. Lines may lie closely."""
+        position = self.positions() / self.model.unit
+        where = self.model.space, self.field.mesh, self.step_limit, 1.0 / STEP_LIMIT
+        return close_bodies(self.launcher, position, *where) & (self.model.body.kind < 0)
 
     def facing(self) -> tuple[wp.array, np.ndarray]:
         """How outlines are turned [rad], and how they would look at the points of their classes, both of shape ``[body_count]``."""
@@ -198,7 +210,7 @@ class Descent:
         field = self.field
         layout = field.layout
         count = np.zeros((1, len(field.images)))
-        copies = COPIES if self.model.problem.rectangle.mirrored else 1
+        copies = self._forces.images_of_each
         for index, c in enumerate(self.model.problem.classes):
             # Where all bodies of a class are fixed, nothing may follow its density.
             if index in field.image_of_class:
@@ -217,10 +229,10 @@ class Descent:
             [self.step_limit],
         )
 
-    def _shares_of_forces(self, new: np.ndarray | None) -> wp.array:
+    def _shares_of_forces(self, stirred: np.ndarray | None) -> wp.array:
         """How much of the forces counts, as :mod:`.held_border` says."""
         spacing = self.step_limit.numpy() / STEP_LIMIT
-        return shares_of_forces(self.launcher, self.model, self.field.layout, spacing, new)
+        return shares_of_forces(self.launcher, self.model, self.field.layout, spacing, stirred)
 
     def take_step(self) -> None:
         """Launch a whole step."""

@@ -17,19 +17,20 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..device.marked import numbers_of_marked
 from ..problem.of_bodies import is_same
+from ..space.part import Part, part_of
 from . import kernels_edit
 from .body_flags import BodyFlags
 from .carried_over import CarriedInPlane
 from .kernels_edit import Fate
 from .model import Model
 from .places_in_support import move_poses_into_support
-from .size_edit import Rows, SizeEdit, compare_size, list_bodies
+from .size_edit import Rows, SizeEdit, around, compare_size, list_bodies
 
 __all__ = ["EditInPlane"]
 
-# Gets densities, row 0 at the bottom, and counts, and begins to spread as many points over each; what it returns waits for these, and
-# returns them [m].
-Spread = Callable[[list[np.ndarray], list[int]], Callable[[], list[np.ndarray]]]
+# Gets densities over the domain or a part of it, row 0 at the bottom, and counts, and begins to spread as many points over each; what
+# it returns waits for these, and returns them [m].
+Spread = Callable[[list[np.ndarray], list[int], Part | None], Callable[[], list[np.ndarray]]]
 
 
 class EditInPlane:
@@ -62,10 +63,12 @@ class EditInPlane:
         if self._used.any():
             used = launcher.array(np.flatnonzero(self._used).astype(np.int32), wp.int32)
             launcher.launch(kernels_edit.decide_fates, len(used), [used, int(Fate.USED)], [self._fate])
+        self._part = self._part_of_both()
         self._sizes = self._compare()
         self._points = spread(
             [density for size in self._sizes for density in size.densities(launcher)],
             [count for size in self._sizes for count in size.counts],
+            self._part,
         )
 
     def finish(self, first_identity: int) -> CarriedInPlane:
@@ -74,6 +77,12 @@ class EditInPlane:
         for number, size in enumerate(self._sizes):
             self._settle(size, points[3 * number : 3 * number + 3])
         return self._result(first_identity)
+
+    def _part_of_both(self) -> Part | None:
+        """The part of the domain that holds all densities before and after, where nobody is fixed."""
+        if self._model.has_fixed or self._old.has_fixed:
+            return None
+        return part_of(c.density_image for model in (self._model, self._old) for c in model.problem.classes)
 
     def _place_fixed(self) -> None:
         """What is fixed now has its place from the problem; it may have been one of the old bodies, as its identity says."""
@@ -106,7 +115,17 @@ class EditInPlane:
                 rows = begin + np.flatnonzero(~model.fixed[begin:end]).astype(np.int32)
             k, first, last = begin_before.get((class_name, size_name), (-1, 0, 0))
             in_size = compare_size(
-                self._launcher, model, c, rows, old, k, slice(first, last), self._used, self._pose_before, self._fate
+                self._launcher,
+                model,
+                c,
+                rows,
+                old,
+                k,
+                slice(first, last),
+                self._used,
+                self._pose_before,
+                self._part,
+                self._fate,
             )
             sizes.append(in_size)
         return sizes
@@ -115,7 +134,7 @@ class EditInPlane:
         """Decide who of a size stays, give all of its bodies rows, and put the new ones to their points [m]."""
         launcher, old, model = self._launcher, self._old, self._model
         in_unit = [at / old.unit for at in points]
-        placed = size.thin_out(launcher, in_unit[:2], self._pose_before, old.size, self._fate)
+        placed = size.thin_out(launcher, in_unit[:2], self._pose_before, around(self._part, old), self._fate)
         staying = list_bodies(launcher, self._fate, size.pool, Fate.STAYS, Fate.TOO_MANY)
         old_rows, new_rows = _seats(size.rows, len(staying), model.body.area)
         area = old.body.area

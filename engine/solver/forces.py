@@ -9,8 +9,9 @@ import warp as wp
 
 from ..device.launcher import Launcher
 from ..field.field import Field, FieldTarget
-from ..field.mirrored_field import MirroredField
+from ..field.mirrored_field import COPIES, MirroredField
 from ..space.asked_counts import typical_spacing
+from ..space.part import LARGEST_PART, Part, part_of
 from . import kernels_descent
 from .attraction import group_targets
 from .model import Model
@@ -23,6 +24,9 @@ SMALLEST_DENSITY = 2e-3
 # What is blurred lets lines and outlines slip through each other, and contact cannot disentangle them again: of 24 crowds of sticks
 # and discs, 7 kept overlaps with the usual blur, 3 with half of it, none as all but points.
 BLUR_OF_LONG_ONES_IN_CONTACT = 0.03
+# How far around all densities the field reaches that is computed for them alone, in spacings: what is farther across a border that is
+# a mirror, or joined, is even.
+ROOM_AROUND_PART = 6.0
 
 
 class Forces:
@@ -38,7 +42,8 @@ class Forces:
         whole_charge: What charges were before they faded, see there; None where none did.
 
     Attributes:
-        field: The field; that of a mirrored domain is one of twice its extent.
+        field: The field; that of a mirrored domain is one of twice its extent, unless all bodies are far from its edges.
+        images_of_each: How many times each body is in that field.
     """
 
     def __init__(
@@ -70,11 +75,14 @@ class Forces:
             "smooth": smooth,
             "whole_charge": whole_charge,
         }
-        if problem.rectangle.mirrored:
+        part = _part_of(model, described["targets"], described["spacing"])
+        self.images_of_each = 1
+        if part is None and problem.rectangle.mirrored:
+            self.images_of_each = COPIES
             mirrored = MirroredField(launcher, **described)
             self.evaluate, self.field = mirrored.evaluate, mirrored.field
         else:
-            self.field = Field(launcher, **described)
+            self.field = Field(launcher, **described, part=part)
             self.evaluate = self.field.evaluate
 
     def step_lengths(self, launcher: Launcher, share: wp.array | None = None) -> wp.array:
@@ -102,3 +110,18 @@ class Forces:
             [result],
         )
         return result
+
+
+def _part_of(model: Model, targets: list[FieldTarget], spacing: float) -> Part | None:
+    """The part of the space that holds all charges and targets, with some room around; None where that is no small one."""
+    parts = [part for target in targets for part in (target, *target.more)]
+    part = part_of(image for one in parts for image in (one.image, one.whole) if image is not None)
+    if part is None:
+        return None
+    size, problem = model.size, model.problem
+    if model.has_fixed:
+        part = part.with_positions(problem.fixed.position / model.unit, size)
+    part = part.with_margin(ROOM_AROUND_PART * spacing + 0.5 * float(model.body.longest.max()) / model.unit, size)
+    # Across borders that are joined, or mirrors, others are seen.
+    sees_across = problem.rectangle.mirrored or not model.space.has_edges
+    return None if part.share > LARGEST_PART or (sees_across and part.touches_border) else part

@@ -16,6 +16,7 @@ from ..device.devices import resolve_device
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.problem import Problem
 from ..space.kernels_images import Images
+from ..space.part import Part, part_of
 from ..space.support import images_for_kernels
 from ..space.target_deposit import integrate_boxes
 from . import kernels_start
@@ -65,12 +66,15 @@ def first_pose(
         order = min(max(math.ceil(math.log2(math.sqrt(CELLS_PER_BODY * most) + 1.0)), 3), LARGEST_ORDER)
         # What fixed bodies leave of a density is its class's own.
         shared = k if model.has_fixed else id(body_class.density_image), order
+        part = None if model.has_fixed else part_of([body_class.density_image])
         if shared not in pyramids:
-            pyramids[shared] = _pyramid(launcher, model, k, order)
+            pyramids[shared] = _pyramid(launcher, model, k, order, part)
+        around = Part() if part is None else part
+        where = wp.vec2(*around.origin(model.size)), wp.vec2(*around.extent(model.size))
         launcher.launch(
             kernels_start.place_bodies,
             body_class.body_count,
-            [*of_bodies, order, pyramids[shared], images, domain, seed],
+            [*of_bodies, order, pyramids[shared], *where, images, domain, seed],
             [pose],
             first=first,
             grain=GRAIN_OF_NEIGHBORS,
@@ -163,10 +167,13 @@ def _ranks(model: Model, count: np.ndarray) -> np.ndarray:
     return rank
 
 
-def _pyramid(launcher: Launcher, model: Model, class_index: int, order: int) -> wp.array:
-    """Integrals of a class's density over 4^l cells, for l from 0 to ``order``, one level after the other, less fixed bodies."""
+def _pyramid(launcher: Launcher, model: Model, class_index: int, order: int, part: Part | None) -> wp.array:
+    """Integrals of a class's density over 4^l cells of the domain, or of a part, for l from 0 to ``order``, less fixed bodies.
+
+    One level lies after the other.
+    """
     cells = 1 << order
-    share = integrate_boxes(launcher, model.problem.classes[class_index].density_image, (cells, cells))
+    share = integrate_boxes(launcher, model.problem.classes[class_index].density_image, (cells, cells), part)
     left = vacancy(model, class_index, cells)
     if left is not None and (share.numpy() * left.ravel()).any():
         share = wp.array(share.numpy() * left.ravel(), dtype=float, device=launcher.device)

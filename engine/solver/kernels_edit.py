@@ -71,7 +71,7 @@ SLOTS = wp.constant(32)
 
 @wp.struct
 class Asked:
-    """Bodies of a size in cells of the domain, ``cells`` along either side, row 0 at the bottom.
+    """Bodies of a size in cells of a rectangle, ``cells`` along either side, row 0 at the bottom.
 
     ``share`` of the ``wanted`` ones are to be in every cell, and ``share_before`` of the ``there`` ones have been.
     """
@@ -83,11 +83,19 @@ class Asked:
     there: wp.float64
 
 
+@wp.struct
+class Around:
+    """A rectangle that holds all bodies before and after an edit: the domain, or a part of it."""
+
+    origin: wp.vec2
+    size: wp.vec2
+
+
 @wp.func
-def cell_at(position: wp.vec2, cells: int, size: wp.vec2):
-    """Cell of a domain of this size that holds a position."""
-    column = wp.clamp(int(position[0] / size[0] * float(cells)), 0, cells - 1)
-    row = wp.clamp(int(position[1] / size[1] * float(cells)), 0, cells - 1)
+def cell_at(position: wp.vec2, cells: int, around: Around):
+    """Cell of a rectangle that holds a position, or the nearest one."""
+    column = wp.clamp(int((position[0] - around.origin[0]) / around.size[0] * float(cells)), 0, cells - 1)
+    row = wp.clamp(int((position[1] - around.origin[1]) / around.size[1] * float(cells)), 0, cells - 1)
     return row * cells + column
 
 
@@ -161,7 +169,7 @@ def judge_bodies(
     first: int,
     thread: int,
     pose: wp.array(dtype=wp.vec4),
-    size: wp.vec2,
+    around: Around,
     cells: int,
     ratio: wp.array(dtype=float),
     # outputs
@@ -172,7 +180,7 @@ def judge_bodies(
     i = first + wp.tid()
     if fate[i] != UNDECIDED:
         return
-    here = ratio[cell_at(place_of(pose[i]), cells, size)]
+    here = ratio[cell_at(place_of(pose[i]), cells, around)]
     one = wp.float64(1.0)
     if here > 1.0 - UNCHANGED:
         fate[i] = STAYS

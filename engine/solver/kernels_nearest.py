@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from .kernels_edit import cell_at, place_of
+from .kernels_edit import Around, cell_at, place_of
 
 wp.set_module_options({"enable_backward": False})
 
@@ -14,14 +14,14 @@ IN_ROW = wp.constant(16)
 
 @wp.struct
 class Candidates:
-    """Bodies to choose from, in the order of cells, ``cells`` along either side of a domain: their places among all of them."""
+    """Bodies to choose from, in the order of cells, ``cells`` along either side of a rectangle: their places among all of them."""
 
     body: wp.array(dtype=wp.int32)
     pose: wp.array(dtype=wp.vec4)
     order: wp.array(dtype=wp.int32)
     cell_start: wp.array(dtype=wp.int32)
     cells: wp.int32
-    size: wp.vec2
+    around: Around
 
 
 @wp.kernel
@@ -30,13 +30,13 @@ def find_cells(
     body: wp.array(dtype=wp.int32),
     pose: wp.array(dtype=wp.vec4),
     cells: int,
-    size: wp.vec2,
+    around: Around,
     # outputs
     key: wp.array(dtype=wp.int32),
     order: wp.array(dtype=wp.int32),
 ):
     k = first + wp.tid()
-    key[k] = cell_at(place_of(pose[body[k]]), cells, size)
+    key[k] = cell_at(place_of(pose[body[k]]), cells, around)
     order[k] = k
 
 
@@ -44,7 +44,7 @@ def find_cells(
 def nearest_left(p: int, point: wp.vec2, candidates: Candidates, holder: wp.array(dtype=wp.int32)):
     """The candidate nearest to a point that no point before it has, in the cells around it; -1 where there is none."""
     cells = candidates.cells
-    cell = cell_at(point, cells, candidates.size)
+    cell = cell_at(point, cells, candidates.around)
     column = cell % cells
     row = cell / cells
     best = int(-1)

@@ -25,18 +25,19 @@ class Reach:
 
 @wp.struct
 class Cells:
-    """Cells of the domain, row 0 at the bottom: 1 for those near a change, 0 for others."""
+    """Cells of a rectangle that holds all bodies, row 0 at the bottom: 1 for those near a change, 0 for others."""
 
     rows: wp.int32
     columns: wp.int32
+    origin: wp.vec2
     size: wp.vec2
     near: wp.array(dtype=wp.uint8)
 
 
 @wp.func
 def cell_at(position: wp.vec2, cells: Cells):
-    column = wp.clamp(int(position[0] / cells.size[0] * float(cells.columns)), 0, cells.columns - 1)
-    row = wp.clamp(int(position[1] / cells.size[1] * float(cells.rows)), 0, cells.rows - 1)
+    column = wp.clamp(int((position[0] - cells.origin[0]) / cells.size[0] * float(cells.columns)), 0, cells.columns - 1)
+    row = wp.clamp(int((position[1] - cells.origin[1]) / cells.size[1] * float(cells.rows)), 0, cells.rows - 1)
     return row * cells.columns + column
 
 

@@ -118,13 +118,18 @@ def place_bodies(
     group_shift: wp.array(dtype=wp.float64),
     order: int,
     pyramid: wp.array(dtype=wp.float64),
+    origin: wp.vec2,
+    extent: wp.vec2,
     images: Images,
     domain: wp.vec2,
     seed: int,
     # outputs
     pose: wp.array(dtype=wp.vec4),
 ):
-    """Put the bodies of one class at even steps of the running sum of its density along the curve, at random within their cells."""
+    """Put the bodies of one class at even steps of the running sum of its density along the curve, at random within their cells.
+
+    The curve fills the rectangle of an ``extent`` from an ``origin`` on.
+    """
     i = first + wp.tid()
     g = group[i]
     k = support[i]
@@ -133,8 +138,8 @@ def place_bodies(
     along = group_shift[g] + wp.float64(0.5 * wp.randf(state))
     step = (wp.float64(rank[i]) + along - wp.floor(along)) / wp.float64(group_count[g])
     column, row = cell_on_curve(step, order, pyramid)
-    cell = wp.cw_div(domain, wp.vec2(float(1 << order), float(1 << order)))
-    corner = wp.cw_mul(cell, wp.vec2(float(column), float(row)))
+    cell = wp.cw_div(extent, wp.vec2(float(1 << order), float(1 << order)))
+    corner = origin + wp.cw_mul(cell, wp.vec2(float(column), float(row)))
     position = wp.vec2(0.0, 0.0)
     inside = int(0)
     for _redraw in range(REDRAWS):

@@ -8,6 +8,7 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..space.cell_sort import CellSort
 from . import kernels_nearest
+from .kernels_edit import Around
 
 __all__ = ["nearest_free"]
 
@@ -18,7 +19,7 @@ TURNS_AT_ONCE = 8
 
 
 def nearest_free(
-    launcher: Launcher, points: np.ndarray, body: wp.array, pose: wp.array, size: tuple[float, float], cells: int
+    launcher: Launcher, points: np.ndarray, body: wp.array, pose: wp.array, around: Around, cells: int
 ) -> np.ndarray:
     """Return a place in ``body`` for every point, each another one: the nearest that is left of those in the cells around it.
 
@@ -27,7 +28,7 @@ def nearest_free(
         points: In the unit of the poses, shape ``[m, 2]``.
         body: Bodies to choose from, ``wp.int32``.
         pose: Poses of all bodies, ``wp.vec4``.
-        size: Extent of the domain.
+        around: A rectangle that holds all of them.
         cells: How many there are along either side of it.
 
     Returns:
@@ -36,9 +37,9 @@ def nearest_free(
     if len(points) >= len(body) or not len(points):
         return np.arange(len(body) if len(points) else 0, dtype=np.int32)
     sort = CellSort(launcher, len(body), cells * cells, spread=True)
-    sort.sort(kernels_nearest.find_cells, [body, pose, cells, wp.vec2(*size)])
+    sort.sort(kernels_nearest.find_cells, [body, pose, cells, around])
     candidates = kernels_nearest.Candidates()
-    candidates.body, candidates.pose, candidates.cells, candidates.size = body, pose, cells, wp.vec2(*size)
+    candidates.body, candidates.pose, candidates.cells, candidates.around = body, pose, cells, around
     candidates.order, candidates.cell_start = sort.order, sort.cell_start
     chosen = _first_come(launcher, launcher.array(points.astype(np.float32), wp.vec2), candidates)
     missed = np.flatnonzero(chosen < 0)

@@ -39,7 +39,7 @@ class _HeldInPlane(Held):
         self._descent = descent
         self.body_count = model.body_count
         self.most_free = most_free(model.body_count, max(len(carried.came), len(carried.went)), FREE_FOR_EACH)
-        width, height = model.size
+        _, (width, height) = descent.around
         where = kernels_plane_settling.Reach()
         where.mesh, where.limit = descent.field.mesh, descent.step_limit
         where.within, where.locally = reach(width * height, model.body_count)
@@ -73,8 +73,9 @@ class _HeldInPlane(Held):
         """The cells of the domain, of about this width, that are beside one with a change."""
         launcher, model = self._descent.launcher, self._descent.model
         cells = kernels_plane_settling.Cells()
-        cells.rows, cells.columns = (max(1, math.ceil(length / width)) for length in model.size[::-1])
-        cells.size = wp.vec2(*model.size)
+        origin, size = self._descent.around
+        cells.rows, cells.columns = (max(1, math.ceil(length / width)) for length in size[::-1])
+        cells.origin, cells.size = wp.vec2(*origin), wp.vec2(*size)
         cells.near = launcher.empty(cells.rows * cells.columns, wp.uint8)
         marked = launcher.zeros(cells.rows * cells.columns, wp.int32)
         for places in changes:

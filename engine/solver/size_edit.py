@@ -12,6 +12,7 @@ from ..device.launcher import Launcher
 from ..device.marked import numbers_of_marked
 from ..problem.image_filters import gaussian_blur
 from ..problem.problem import Problem
+from ..space.part import Part
 from . import kernels_edit
 from .asked_shares import are_asked_alike, asked_share, cells_for
 from .attraction import BLUR_OF_FIXED
@@ -75,7 +76,7 @@ class SizeEdit:
         return result
 
     def thin_out(
-        self, launcher: Launcher, points: list[np.ndarray], pose: wp.array, size: tuple[float, float], fate: wp.array
+        self, launcher: Launcher, points: list[np.ndarray], pose: wp.array, around: kernels_edit.Around, fate: wp.array
     ) -> np.ndarray:
         """Decide who stays, by the points that were spread over the first two densities.
 
@@ -83,7 +84,7 @@ class SizeEdit:
             launcher: Where to run.
             points: These, in the unit of the poses.
             pose: Of all old bodies.
-            size: Extent of the domain in that unit.
+            around: A rectangle that holds all of these, in that unit.
             fate: What becomes of every old body; in the end all of this size either stay, or are too many of which none has to go,
                 or do not stay.
 
@@ -95,12 +96,12 @@ class SizeEdit:
             enough = self.surplus <= self.totals[Total.TOO_MANY]
             among = list_bodies(launcher, fate, self.pool, Fate.TOO_MANY if enough else Fate.STAYS, Fate.TOO_MANY)
             _decide(
-                launcher, among.numpy()[nearest_free(launcher, points[0], among, pose, size, cells)], Fate.GOES, fate
+                launcher, among.numpy()[nearest_free(launcher, points[0], among, pose, around, cells)], Fate.GOES, fate
             )
         if not self.survivors:
             return np.zeros(0, np.int32)
         among = list_bodies(launcher, fate, self.pool, Fate.THINNED, Fate.THINNED)
-        chosen = among.numpy()[nearest_free(launcher, points[1], among, pose, size, cells)]
+        chosen = among.numpy()[nearest_free(launcher, points[1], among, pose, around, cells)]
         _decide(launcher, chosen, Fate.STAYS, fate)
         return chosen if len(chosen) < self.thinned else np.zeros(0, np.int32)
 
@@ -115,6 +116,7 @@ def compare_size(
     pool: slice,
     used: np.ndarray,
     pose: wp.array,
+    part: Part | None,
     fate: wp.array,
 ) -> SizeEdit:
     """See what is to happen to the bodies of a size.
@@ -129,39 +131,49 @@ def compare_size(
         pool: Its bodies there.
         used: Which old bodies are not there to be chosen, shape ``[old count]``, or ``[0]`` if all are.
         pose: Poses of the old bodies.
+        part: The part of the domain that holds all densities of either; None where that is no small one.
         fate: What becomes of them; written for those of this size.
     """
-    cells = _cells(model, class_index, old, old_index)
+    cells = _cells(model, class_index, old, old_index, part)
     asked = kernels_edit.Asked()
-    asked.cells, asked.share, asked.wanted = cells, asked_share(launcher, model, class_index, cells), float(len(rows))
+    asked.cells, asked.share, asked.wanted = (
+        cells,
+        asked_share(launcher, model, class_index, cells, part),
+        float(len(rows)),
+    )
     in_pool = pool.stop - pool.start
     pool_count = in_pool - int(np.count_nonzero(used[pool]))
     asked.share_before, asked.there = asked.share, 0.0
     if pool_count:
         if not are_asked_alike(model, class_index, old, old_index):
-            asked.share_before = asked_share(launcher, old, old_index, cells)
+            asked.share_before = asked_share(launcher, old, old_index, cells, part)
         asked.there = float(pool_count)
         if len(used) or old.has_fixed:
             asked.share_before = _without_pinned(launcher, model, class_index, old, pool, used, pose, asked)
     ratio = launcher.empty(cells * cells, float)
     sums = launcher.zeros((launcher.thread_count, len(Total), kernels_edit.SLOTS), wp.int64)
     launcher.launch(kernels_edit.compare_cells, cells * cells, [asked], [ratio, sums], per_thread=True)
-    size = wp.vec2(*old.size)
-    launcher.launch(
-        kernels_edit.judge_bodies, in_pool, [pose, size, cells, ratio], [fate, sums], first=pool.start, per_thread=True
-    )
+    where = [pose, around(part, old), cells, ratio]
+    launcher.launch(kernels_edit.judge_bodies, in_pool, where, [fate, sums], first=pool.start, per_thread=True)
     totals = (sums.numpy().sum(axis=(0, 2)) / kernels_edit.SUM_SCALE).tolist()
     return SizeEdit(rows, pool, pool_count, asked, totals, *_numbers_of(totals, len(rows), pool_count))
 
 
-def _cells(model: Model, class_index: int, old: Model, old_index: int) -> int:
+def around(part: Part | None, model: Model) -> kernels_edit.Around:
+    """A part of the domain, or all of it, in the unit of a model."""
+    whole, result = part or Part(), kernels_edit.Around()
+    result.origin, result.size = wp.vec2(*whole.origin(model.size)), wp.vec2(*whole.extent(model.size))
+    return result
+
+
+def _cells(model: Model, class_index: int, old: Model, old_index: int, part: Part | None) -> int:
     """In how many cells along either side the densities of a class are compared."""
     body_class = model.problem.classes[class_index]
     if model.has_fixed or old.has_fixed:
         # What fixed bodies leave of a density, or have left, is finer than its pixels.
         return cells_for(body_class.body_count)
     before = [old.problem.classes[old_index].density_image] if old_index >= 0 else []
-    return cells_for(body_class.body_count, body_class.density_image, *before)
+    return cells_for(body_class.body_count, body_class.density_image, *before, part=part)
 
 
 def list_bodies(launcher: Launcher, fate: wp.array, pool: slice, least: Fate, most: Fate) -> wp.array:

@@ -23,6 +23,7 @@ from ..problem.problem import Problem
 from ..problem.surface import Surface
 from ..problem.validation import FOREIGN_ERRORS, check_count, check_is, check_progress, show
 from ..space.density import move_into_support
+from ..space.part import Part
 from .body_flags import BodyFlags
 from .carried_lines import carry_lines
 from .carried_over import CarriedInPlane, CarriedOver
@@ -244,7 +245,8 @@ class Solver:
             smooth = self._go_on_from(before, kept.position, kept.source, border.turn, SMOOTH_OVER_SPACING)
             smooth.step.play(SMOOTH_STEPS)
             position = smooth.positions()
-            self.descent = self._go_on_from(smooth, position, np.arange(self.model.body_count))
+            close = position[smooth.close_bodies()]
+            self.descent = self._go_on_from(smooth, position, np.arange(self.model.body_count), close=close)
             self.descent.step.play(STEPS_WITHIN)
 
     def _leave_beyond(self) -> bool:
@@ -267,6 +269,7 @@ class Solver:
         source: np.ndarray,
         turned: float = 0.0,
         smooth: float | None = None,
+        close: np.ndarray | None = None,
     ) -> Descent:
         """Return a descent of bodies of another one, which is let go of.
 
@@ -276,6 +279,7 @@ class Solver:
             source: Which of that descent's they are, shape ``[body_count]``.
             turned: By how much they were turned there [rad].
             smooth: See :class:`~.descent.Descent`.
+            close: Where bodies stand too close to others [m], shape ``[m, 2]``: all forces count there.
         """
         self.launcher.release(before.step)
         model, old, state = self.model, before.model, before.state
@@ -286,7 +290,10 @@ class Solver:
         pose[is_line, 2] -= turned
         pose[is_line, 3] *= old.unit / model.unit
         # Where bodies were placed beyond a border there are obstacles in the density only, for which a line's charges count.
-        descent = Descent(model, self.launcher, pose=pose, smooth=smooth, begins_short=smooth is not None)
+        stirred = None if close is None else close / model.unit
+        descent = Descent(
+            model, self.launcher, pose=pose, smooth=smooth, begins_short=smooth is not None, stirred=stirred
+        )
         carry_lines(old, state, model, descent.state, source)
         if old is model:
             descent.state.turn.assign(state.turn)
@@ -385,7 +392,7 @@ class Solver:
                 model,
                 self.launcher,
                 pose=_carried_poses(before, old, model, carried),
-                new=carried.pose.numpy()[carried.new, :2] if natural else None,
+                stirred=carried.pose.numpy()[carried.new, :2] if natural else None,
             )
             if before.kinds and model.kinds:
                 carry_lines(before, old, model, descent.state, carried.source)
@@ -769,12 +776,14 @@ class Solver:
     ) -> None:
         self.close()
 
-    def _spread(self, densities: list[np.ndarray], counts: list[int]) -> Callable[[], list[np.ndarray]]:
+    def _spread(
+        self, densities: list[np.ndarray], counts: list[int], part: Part | None
+    ) -> Callable[[], list[np.ndarray]]:
         # Equal edits one after the other are to differ.
         self._spreads += 1
         problem = self.model.problem
         seed = int(np.random.default_rng([problem.seed, 4, self._spreads]).integers(1 << 31))
-        return Spreading(self.launcher, problem.rectangle, densities, counts, seed).points
+        return Spreading(self.launcher, problem.rectangle, densities, counts, seed, part).points
 
     def _position(self) -> np.ndarray:
         if self._left_at is not None:

@@ -12,6 +12,7 @@ from ..problem.domain import Domain
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.size import Size
+from ..space.part import Part
 from .descent import Descent
 from .model import Model
 
@@ -33,15 +34,25 @@ class Spreading:
     Args:
         launcher: Where to run.
         domain: Where.
-        densities: Each of shape ``[rows, columns]``, row 0 at the bottom, somewhere above 0 where points are asked for.
+        densities: Over the domain, or a part of it, each of shape ``[rows, columns]``, row 0 at the bottom.
         counts: How many points for each.
         seed: Decides what is random.
+        part: That part; None for all of the domain.
     """
 
     def __init__(
-        self, launcher: Launcher, domain: Domain, densities: Sequence[np.ndarray], counts: Sequence[int], seed: int
+        self,
+        launcher: Launcher,
+        domain: Domain,
+        densities: Sequence[np.ndarray],
+        counts: Sequence[int],
+        seed: int,
+        part: Part | None = None,
     ) -> None:
         self._launcher, self._counts = launcher, counts
+        self._origin = (0.0, 0.0)
+        if part is not None:
+            self._origin, domain = part.origin(domain.size), Domain(part.extent(domain.size))
         self._asked = [i for i, count in enumerate(counts) if count > 0]
         self._descent: Descent | None = None
         if not self._asked:
@@ -58,7 +69,7 @@ class Spreading:
         descent, self._descent = self._descent, None
         if descent is None:
             return result
-        position = descent.positions()
+        position = descent.positions() + self._origin
         self._launcher.release(descent.step)
         # Bodies are in the order of their classes.
         ends = np.cumsum([self._counts[i] for i in self._asked])
@@ -68,6 +79,9 @@ class Spreading:
 
 
 def _image(density: np.ndarray) -> np.ndarray:
-    """A density with row 0 at the top, above 0 everywhere."""
-    upright = np.ascontiguousarray(density[::-1], dtype=np.float32)
-    return np.maximum(upright, np.float32(LEAST) * upright.max())
+    """A density with row 0 at the top, above 0 everywhere; the same everywhere where nothing is left of it."""
+    largest = float(density.max())
+    if not largest > 0.0:
+        return np.ones((1, 1), np.float32)
+    # Over the largest, so that what is faint does not add up to 0.
+    return np.maximum(np.ascontiguousarray(density[::-1] / largest, dtype=np.float32), np.float32(LEAST))

@@ -6,10 +6,13 @@ resolutions of image, mesh and spacing need not match.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
+
+from .part import Part
 
 __all__ = [
     "FOLD",
@@ -34,24 +37,30 @@ EDGE, DEEPEST = 1e-3, 1e-3
 Band = tuple[np.ndarray, np.ndarray]
 
 
-def box_integrals(image: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+def box_integrals(image: np.ndarray, shape: tuple[int, int], part: Part | None = None) -> np.ndarray:
     """Integrate an image over the cells of a grid that spans the same rectangle, bottom row first.
 
     Args:
         image: Density, shape ``[height, width]``, row 0 at the top.
         shape: Rows and columns of the grid.
+        part: What of the rectangle the grid spans instead; all pixels above zero are in it.
 
     Returns:
         Share of the image's integral in every cell, shape ``shape``, float64, sum 1; row 0 at the bottom.
     """
     upright = np.asarray(image, dtype=np.float64)[::-1]
-    result = _apply(overlap_bands(upright.shape, shape), upright)
+    result = _apply(overlap_bands(upright.shape, shape, part), upright)
     return result / result.sum()
 
 
-def overlap_bands(image_shape: tuple[int, ...], shape: tuple[int, int]) -> list[Band]:
+def overlap_bands(image_shape: tuple[int, ...], shape: tuple[int, int], part: Part | None = None) -> list[Band]:
     """Weights of an image's pixels in the cells of a grid along y and along x, bottom first; see :func:`box_integrals`."""
-    return [_overlap_band(cells, pixels) for cells, pixels in zip(shape, image_shape, strict=True)]
+    if part is None:
+        return [_overlap_band(cells, pixels) for cells, pixels in zip(shape, image_shape, strict=True)]
+    return [
+        _overlap_band_of_part(cells, pixels, low, high)
+        for cells, pixels, low, high in zip(shape, image_shape, part.low[::-1], part.high[::-1], strict=True)
+    ]
 
 
 def spline_deposit(
@@ -91,15 +100,19 @@ def spline_bands(
     spacing: tuple[float, float],
     margin: int,
     periodic: bool,
+    origin: tuple[float, float] = (0.0, 0.0),
 ) -> list[Band]:
     """Weights of an image's pixels at the nodes along y and along x, bottom first; see :func:`spline_deposit`.
 
-    A periodic mesh gets ``FOLD`` nodes more at either end, which are to be folded onto the nodes that they stand for.
+    A periodic mesh gets ``FOLD`` nodes more at either end, which are to be folded onto the nodes that they stand for. That of a part
+    begins at the ``origin``.
     """
     fold = FOLD if periodic else 0
     return [
-        _spline_band(-fold - margin, nodes + fold - margin, length / pixels / step, pixels)
-        for nodes, pixels, length, step in zip(shape, image_shape, size[::-1], spacing[::-1], strict=True)
+        _spline_band(-fold - margin, nodes + fold - margin, length / pixels / step, pixels, begin / step)
+        for nodes, pixels, length, step, begin in zip(
+            shape, image_shape, size[::-1], spacing[::-1], origin[::-1], strict=True
+        )
     ]
 
 
@@ -180,9 +193,23 @@ def _overlap_band(cells: int, pixels: int) -> Band:
 
 
 @lru_cache(maxsize=MOST_KEPT)
-def _spline_band(begin: int, end: int, width: float, pixels: int) -> Band:
-    """Mean of the cubic B-spline at the nodes ``begin`` to ``end - 1`` over its pixels, which are ``width`` wide and begin at 0."""
-    node = np.arange(begin, end)
+def _overlap_band_of_part(cells: int, pixels: int, begin: float, end: float) -> Band:
+    """The same for cells that divide only what is between two shares of the interval."""
+    edge = begin + (end - begin) * np.arange(cells + 1) / cells
+    first = np.floor(edge[:-1] * pixels).astype(np.int64)
+    pixel = first[:, None] + np.arange(math.ceil((end - begin) * pixels / cells) + 2)
+    low = np.maximum(edge[:-1, None], pixel / pixels)
+    high = np.minimum(edge[1:, None], (pixel + 1) / pixels)
+    return _for_reading(first, np.where(pixel < pixels, np.maximum(high - low, 0.0) * pixels, 0.0))
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _spline_band(begin: int, end: int, width: float, pixels: int, origin: float) -> Band:
+    """Mean of the cubic B-spline at the nodes ``begin`` to ``end - 1``, from an origin on, over its pixels.
+
+    These are ``width`` wide and begin at 0.
+    """
+    node = np.arange(begin, end) + origin
     first = np.floor((node - 2.0) / width).astype(np.int64)
     pixel = first[:, None] + np.arange(int(np.ceil(4.0 / width)) + 2)
     weights = _spline_integral((pixel + 1) * width - node[:, None]) - _spline_integral(pixel * width - node[:, None])

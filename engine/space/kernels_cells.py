@@ -11,11 +11,12 @@ wp.set_module_options({"enable_backward": False})
 
 @wp.struct
 class CellGrid:
-    """Cells over a space: ``count`` along x and y, and their inverse size."""
+    """Cells over a space, from an ``origin`` in it on: ``count`` along x and y, and their inverse size."""
 
     count_x: wp.int32
     count_y: wp.int32
     inverse_size: wp.vec2
+    origin: wp.vec2
     space: Space
 
 
@@ -39,10 +40,17 @@ class SortedCharges:
 
 
 @wp.func
+def column_and_row(position: wp.vec2, grid: CellGrid):
+    """Column and row of the cell that holds ``position``, or of the nearest one."""
+    x = wp.clamp(int((position[0] - grid.origin[0]) * grid.inverse_size[0]), 0, grid.count_x - 1)
+    y = wp.clamp(int((position[1] - grid.origin[1]) * grid.inverse_size[1]), 0, grid.count_y - 1)
+    return x, y
+
+
+@wp.func
 def cell_of(position: wp.vec2, grid: CellGrid):
     """Index of the cell that holds ``position``; row by row, from below."""
-    x = wp.clamp(int(position[0] * grid.inverse_size[0]), 0, grid.count_x - 1)
-    y = wp.clamp(int(position[1] * grid.inverse_size[1]), 0, grid.count_y - 1)
+    x, y = column_and_row(position, grid)
     return y * grid.count_x + x
 
 

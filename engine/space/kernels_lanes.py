@@ -37,7 +37,7 @@ LANES_OF_SPACE = f"""
     }};
     auto nearest_nodes = [&](V x, V y) -> I
     {{
-        const V u = x * mesh.inverse_spacing[0], v = y * mesh.inverse_spacing[1];
+        const V u = (x - mesh.origin[0]) * mesh.inverse_spacing[0], v = (y - mesh.origin[1]) * mesh.inverse_spacing[1];
         const I column = __builtin_convertvector(u + 0.5f, I) + mesh.margin;
         const I row = __builtin_convertvector(v + 0.5f, I) + mesh.margin;
         return inside(row, mesh.count_y) * mesh.count_x + inside(column, mesh.count_x);

@@ -6,7 +6,7 @@ Equations are those of Hockney and Eastwood 1988, Computer Simulation Using Part
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -38,11 +38,13 @@ class MeshLayout:
     """A mesh of nodes over a domain, row 0 at the bottom.
 
     Attributes:
-        space: What it lies over.
+        space: What it lies over: all of a space, or a rectangle in it, whose origin is its own then.
         shape: Rows, an even number, and columns.
         padded: Rows and columns of the transforms that convolve it.
         spacing: Distance of nodes along x and y.
         margin: Index of the node at the origin.
+        origin: Where in the whole space that is.
+        whole: The whole space, which images lie over.
     """
 
     space: Space
@@ -50,6 +52,8 @@ class MeshLayout:
     padded: tuple[int, int]
     spacing: tuple[float, float]
     margin: int
+    origin: tuple[float, float]
+    whole: Space
 
     @property
     def node_count(self) -> int:
@@ -66,9 +70,13 @@ class MeshLayout:
         mesh = kernels_mesh.Mesh()
         mesh.count_x, mesh.count_y = self.shape[1], self.shape[0]
         mesh.inverse_spacing = wp.vec2(1.0 / self.spacing[0], 1.0 / self.spacing[1])
-        mesh.margin = self.margin
+        mesh.margin, mesh.origin = self.margin, wp.vec2(*self.origin)
         mesh.space = self.space.for_kernels()
         return mesh
+
+    def in_part(self, origin: tuple[float, float], whole: Space) -> MeshLayout:
+        """The same over a rectangle that begins at an origin in a larger space."""
+        return replace(self, origin=origin, whole=whole)
 
     def windows(self) -> tuple[np.ndarray, np.ndarray]:
         """What turns a smooth kernel's transform into the optimal influence function for depositing and interpolating.
@@ -94,7 +102,7 @@ def periodic_mesh(space: Space, wanted: float, *, on_gpu: bool) -> MeshLayout:
     size = space.size
     columns, rows = (_length_for(length / wanted, on_gpu) for length in size)
     shape = (rows, columns)
-    return MeshLayout(space, shape, shape, (size[0] / columns, size[1] / rows), 0)
+    return MeshLayout(space, shape, shape, (size[0] / columns, size[1] / rows), 0, (0.0, 0.0), space)
 
 
 def open_mesh(space: Space, wanted: float, *, on_gpu: bool, kernel_reach: float = math.inf) -> MeshLayout:
@@ -119,7 +127,8 @@ def open_mesh(space: Space, wanted: float, *, on_gpu: bool, kernel_reach: float 
     padded = tuple(
         _length_for(n + padding(n) + (2 if padding(n) == n else 1) * WRAP_GUARD, on_gpu) for n in (rows, columns)
     )
-    return MeshLayout(space, (rows, columns), (padded[0], padded[1]), (step, step), OPEN_MARGIN)
+    padding_y, padding_x = padded
+    return MeshLayout(space, (rows, columns), (padding_y, padding_x), (step, step), OPEN_MARGIN, (0.0, 0.0), space)
 
 
 def _length_for(least: float, on_gpu: bool) -> int:

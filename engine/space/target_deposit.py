@@ -11,6 +11,7 @@ from ..device.launcher import GRAIN, Launcher
 from . import kernels_density
 from .density import FOLD, Band, order_of_axes, overlap_bands, spline_bands
 from .mesh_layout import MeshLayout
+from .part import Part
 
 __all__ = ["deposit_images", "integrate_boxes", "mix_images"]
 
@@ -36,7 +37,13 @@ def deposit_images(launcher: Launcher, images: Sequence[np.ndarray], layout: Mes
             continue
         done[id(image)] = index
         bands = spline_bands(
-            image.shape, layout.space.size, layout.shape, layout.spacing, layout.margin, layout.space.periodic
+            image.shape,
+            layout.whole.size,
+            layout.shape,
+            layout.spacing,
+            layout.margin,
+            layout.space.periodic,
+            layout.origin,
         )
         target = wp.array(
             ptr=result.ptr + 4 * index * nodes,
@@ -48,10 +55,12 @@ def deposit_images(launcher: Launcher, images: Sequence[np.ndarray], layout: Mes
     return result
 
 
-def integrate_boxes(launcher: Launcher, image: np.ndarray, shape: tuple[int, int]) -> wp.array:
+def integrate_boxes(
+    launcher: Launcher, image: np.ndarray, shape: tuple[int, int], part: Part | None = None
+) -> wp.array:
     """Share of an image's integral in every cell of a grid, flat; see :func:`.density.box_integrals`."""
     result = launcher.empty(shape[0] * shape[1], float)
-    _apply_bands(launcher, image, overlap_bands(image.shape, shape), 0, shape, result)
+    _apply_bands(launcher, image, overlap_bands(image.shape, shape, part), 0, shape, result)
     return result
 
 

@@ -331,7 +331,7 @@ def test_a_body_goes_where_no_points_are_spread():
     half[0, 1] = 1.0
     asked = []
 
-    def spread(densities, counts):
+    def spread(densities, counts, _part):
         asked.append(counts)
         return lambda: [np.tile([[48.0, 32.0]], (count, 1)) for count in counts]
 
@@ -361,7 +361,7 @@ def test_a_body_beside_its_density_by_rounding_stays_where_nothing_changes():
     pose[:, :2] = position / old.unit
     with closing(Launcher(resolve_device("cpu"))) as launcher:
 
-        def spread(densities, counts):
+        def spread(densities, counts, _part):
             assert counts == [0, 0, 0]
             return lambda: [np.zeros((0, 2))] * 3
 
