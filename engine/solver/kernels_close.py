@@ -6,9 +6,28 @@ import warp as wp
 
 from ..space.kernels_cells import CellGrid, column_and_row
 from ..space.kernels_mesh import Mesh, nearest_node
-from ..space.kernels_space import difference, number_across, numbers_beside
+from ..space.kernels_space import Space, difference, number_across, numbers_beside
 
 wp.set_module_options({"enable_backward": False})
+
+
+@wp.func
+def anybody_within(
+    i: int,
+    nearest: float,
+    start: int,
+    end: int,
+    position: wp.array(dtype=wp.vec2),
+    order: wp.array(dtype=wp.int32),
+    space: Space,
+):
+    """Whether any of some bodies is nearer to body ``i``."""
+    found = int(0)
+    for s in range(start, end):
+        j = order[s]
+        if j != i and wp.length(difference(position[i], position[j], space)) < nearest:
+            found = 1
+    return found
 
 
 @wp.kernel
@@ -31,15 +50,15 @@ def find_close(
     cx, cy = column_and_row(p, grid)
     rows = numbers_beside(cy, grid.count_y, grid.space)
     columns = numbers_beside(cx, grid.count_x, grid.space)
-    found = wp.uint8(0)
+    found = int(0)
     for y in range(rows[0], rows[1] + 1):
         row = number_across(y, grid.count_y, grid.space)
         for x in range(columns[0], columns[1] + 1):
             column = number_across(x, grid.count_x, grid.space)
             if row >= 0 and row < grid.count_y and column >= 0 and column < grid.count_x:
                 cell = row * grid.count_x + column
-                for s in range(cell_start[cell], cell_start[cell + 1]):
-                    j = order[s]
-                    if j != i and wp.length(difference(p, position[j], grid.space)) < nearest:
-                        found = wp.uint8(1)
-    close[i] = found
+                found = wp.max(
+                    found,
+                    anybody_within(i, nearest, cell_start[cell], cell_start[cell + 1], position, order, grid.space),
+                )
+    close[i] = wp.uint8(found)
