@@ -9,7 +9,7 @@ never does.
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import warp as wp
@@ -18,21 +18,33 @@ from ..device.launcher import Launcher, Recording
 from . import kernels_settling
 from .descent import STEP_LIMIT
 
-__all__ = ["Held", "most_free", "reach", "settle"]
+__all__ = ["Held", "Schedule", "most_free", "reach", "settle"]
 
-# Bodies settle for so many steps, the fewer the more of them there are, and are held in a few more before those that an edit is asked
-# for. Measured on strokes over a twentieth of a photograph that leave a fifth or half of its density, and the count as it was, by the
-# coverage error at a spacing after 5 more steps over that after 100 more: of 10,000 bodies 1.26 and 1.29 after 6 and 1 steps, 1.22 and
-# 1.24 after 12 and 2.
+# Bodies settle for so many steps, the fewer the more of them there are.
 FEWEST_SETTLING, MOST_SETTLING = 6, 12
 BODIES_TO_SETTLE = 800_000
-HELD_STEPS = 2
 # How far bodies that are held are from where they were, at most, in mean spacings, or in as many times the local spacing as the second
 # number where that is less: nobody sees a tenth of a spacing.
 HELD_WITHIN, LOCALLY = 0.098, 1.5
-# Share of all bodies that may move farther, unless more than a tenth of all came or went. Measured: with 0.24 the errors above are
-# 0.02 less, and a twentieth more of the bodies move that are far from the stroke.
-MOST_FREE = 0.2
+
+
+class Schedule(NamedTuple):
+    """How bodies settle after an edit.
+
+    Attributes:
+        settling: Steps in which all are free.
+        held: Steps more, in which most are held, before those that an edit is asked for.
+        free: Share of all bodies that may move far, unless more than a tenth of all came or went.
+    """
+
+    settling: int
+    held: int
+    free: float
+
+    @classmethod
+    def usual(cls, body_count: int, held: int = 2, free: float = 0.2) -> Schedule:
+        """That of many bodies, which have little time."""
+        return cls(min(max(BODIES_TO_SETTLE // body_count, FEWEST_SETTLING), MOST_SETTLING), held, free)
 
 
 def reach(area: float, body_count: int) -> tuple[float, float]:
@@ -40,9 +52,9 @@ def reach(area: float, body_count: int) -> tuple[float, float]:
     return HELD_WITHIN * math.sqrt(area / body_count), HELD_WITHIN * LOCALLY / STEP_LIMIT
 
 
-def most_free(body_count: int, changed: int, for_each: float) -> float:
-    """Return how many bodies may go farther, where so many came or went, each of which may have so many others move."""
-    return max(MOST_FREE * body_count, for_each * changed)
+def most_free(share: float, body_count: int, changed: int, for_each: float) -> float:
+    """Return how many bodies may go farther: a share, or where so many came or went so many others for each."""
+    return max(share * body_count, for_each * changed)
 
 
 class Held(Protocol):
@@ -50,10 +62,12 @@ class Held(Protocol):
 
     Attributes:
         body_count: How many there are.
+        schedule: How they settle.
         most_free: How many may move farther than the others.
     """
 
     body_count: int
+    schedule: Schedule
     most_free: float
 
     def count_moved(self, moved: wp.array) -> None:
@@ -73,8 +87,8 @@ def settle(launcher: Launcher, step: Recording, held: Held, steps: int) -> None:
         steps: How many to take behind those in which bodies settle.
     """
     moved = launcher.empty((launcher.thread_count, kernels_settling.BINS), wp.int32)
-    step.play(min(max(BODIES_TO_SETTLE // held.body_count, FEWEST_SETTLING), MOST_SETTLING))
-    for _ in range(HELD_STEPS + steps):
+    step.play(held.schedule.settling)
+    for _ in range(held.schedule.held + steps):
         step.play()
         moved.zero_()
         held.count_moved(moved)

@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from . import kernels_surface_settling
-from .settling import Held, most_free, reach, settle
+from .settling import Held, Schedule, most_free, reach, settle
 from .surface_descent import SurfaceDescent
 
 __all__ = ["settle_on_surface"]
@@ -38,7 +38,9 @@ class _HeldOnSurface(Held):
     def __init__(self, descent: SurfaceDescent, source: np.ndarray, left: np.ndarray) -> None:
         self._descent = descent
         self.body_count = len(source)
-        self.most_free = most_free(len(source), max(len(left), int((source < 0).sum())), FREE_FOR_EACH)
+        self.schedule = Schedule.usual(len(source))
+        changed = max(len(left), int((source < 0).sum()))
+        self.most_free = most_free(self.schedule.free, len(source), changed, FREE_FOR_EACH)
         launcher, charges = descent.launcher, descent.charges
         sources = launcher.array(source.astype(np.int32), wp.int32)
         start = kernels_surface_settling.Start()
