@@ -33,6 +33,9 @@ LEAST_BLUR_OVER_SPACING = 0.35
 # Where bodies crowd on little of the domain, a mesh that resolves them there would have far more nodes than there are bodies.
 NODES_PER_CHARGE = 12
 FEWEST_NODES = 2**18
+# But where they crowd in a few small spots, it has up to so many. Measured on 20,000 in four discs that are .8 % of the domain: the
+# smallest spacing is .85 instead of .22, and a run takes 1.4 times as long.
+MUCH_CROWDING, NODES_FOR_SPOTS = 4.0, 2**22
 # A Gaussian blur's potential is that of a point to 1e-6 beyond so many of its widths.
 REACH_OVER_BLUR = 4.7
 
@@ -106,7 +109,11 @@ def target_mesh(
 
     Where the density is ``uniform``, the blur is nowhere narrower than usual.
     """
-    coarsest = (space.area / max(NODES_PER_CHARGE * charge_count, fewest_nodes)) ** 0.5
+    nodes = max(NODES_PER_CHARGE * charge_count, fewest_nodes)
+    crowding = space.area / (charge_count * spacing**2)
+    if crowding > MUCH_CROWDING:
+        nodes = max(nodes, min(nodes * crowding / MUCH_CROWDING, NODES_FOR_SPOTS))
+    coarsest = (space.area / nodes) ** 0.5
     narrowest = max((1.0 if uniform else LOWEST**0.5) * blur_over_spacing, LEAST_BLUR_OVER_SPACING) * spacing
     wanted = max(narrowest / FINEST_BLUR_OVER_MESH, coarsest)
     if space.periodic:

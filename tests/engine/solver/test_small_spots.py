@@ -167,3 +167,13 @@ def test_points_are_spread_where_nothing_is_left_of_a_density():
         assert points.shape == (5, 2) and np.isfinite(points).all()
         assert (points >= 0.0).all() and (points <= [4.0, 3.0]).all()
     launcher.close()
+
+
+def test_spots_that_are_far_apart_are_even_too():
+    x = (np.arange(1024) + 0.5) * SIDE / 1024
+    image = np.zeros((1024, 1024), np.float32)
+    for at in ((1.0, 1.0), (9.0, 9.0), (1.0, 9.0)):
+        image[np.hypot(x[None] - at[0], x[:, None] - at[1]) < 0.25] = 1.0
+    placement = esh.solve(problem_of(image, 6000), device="cpu")
+    nearest = distances(placement.position, 3.0 * math.pi * 0.25**2)
+    assert nearest.min() > 0.75 and nearest.mean() > 0.9
