@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from typing import Any
 
 import bpy
@@ -100,14 +101,21 @@ def _map_from_above(target: bpy.types.Object) -> str:
     vertex = np.empty(len(mesh.loops), np.int32)
     mesh.attributes[".corner_vert"].data.foreach_get("value", vertex)
     uv = ((world - low) / (high - low))[vertex].astype(np.float32)
-    layer = mesh.uv_layers.get(UV_MAP)
-    if layer is None:
-        layer = mesh.uv_layers.new(name=UV_MAP, do_init=False)
+    with ExitStack() as kept:
+        for scatter in _scatters_on(mesh):
+            kept.enter_context(scatter.keeps_shapes())
+        layer = mesh.uv_layers.get(UV_MAP) or mesh.uv_layers.new(name=UV_MAP, do_init=False)
         if layer is None:
             raise ProblemError(f'target "{target.name}" must have room for a UV map; it has {len(mesh.uv_layers)}')
-    layer.uv.foreach_set("vector", uv.ravel())
-    mesh.update()
-    return layer.name
+        layer.uv.foreach_set("vector", uv.ravel())
+        mesh.update()
+        return str(layer.name)
+
+
+def _scatters_on(mesh: bpy.types.Mesh) -> list[Any]:
+    """Return the scatters of all scenes that stand on a mesh."""
+    scatters = (scatter for scene in bpy.data.scenes if scene.is_editable for scatter in scene.esh_scatter.scatters)
+    return [scatter for scatter in scatters if any(item.data == mesh for item in scatter.targets)]
 
 
 def unsaved_images(scatter: Any) -> list[bpy.types.Image]:

@@ -5,6 +5,8 @@
 
 import json
 import random
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 
 import bpy
@@ -382,6 +384,20 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
             keys = [f"{uid}.{size}.{name}" for name in shown]
             named = {**record["names"], **{key: names[key] for key in keys if key in names}}
             self.ran_with = json.dumps({**record, "classes": classes, "names": named}, separators=(",", ":"))
+
+    @contextmanager
+    def keeps_shapes(self) -> Iterator[None]:
+        """Within a ``with`` block, targets have no other shape: what modifiers make of them then differs by rounding.
+
+        Subdivision rounds otherwise where a mesh has a UV map.
+        """
+        record = _parse_record(self.ran_with)
+        with checksums.now():
+            kept = bool(record) and record["target"] == settings_record.state_of_targets(self)
+            yield
+            if kept:
+                now = {**record, "target": settings_record.state_of_targets(self)}
+                self.ran_with = json.dumps(now, separators=(",", ":"))
 
     def forget_deleted_result(self) -> None:
         """Remove a result that was deleted in the viewport from the file, so that the next one can have its name."""

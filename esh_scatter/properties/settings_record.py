@@ -19,7 +19,16 @@ from ..targets import checksums
 from ..targets.target import members_of
 from .influential_settings import LOOKS, WITHOUT_INFLUENCE
 
-__all__ = ["changes", "completed", "looks_of", "only_counts_differ", "only_looks_differ", "record", "same"]
+__all__ = [
+    "changes",
+    "completed",
+    "looks_of",
+    "only_counts_differ",
+    "only_looks_differ",
+    "record",
+    "same",
+    "state_of_targets",
+]
 
 # What is said of an image or weights, and of an object or a collection, whose contents have changed.
 PAINTED, EDITED = " painted", " edited"
@@ -47,7 +56,7 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
     target = scatter.first_target
     names: dict[str, str] = {}
     return {
-        "target": target and _state_of(scatter),
+        "target": target and state_of_targets(scatter),
         "scatter": _without_defaults(_values(scatter, names, "scatter") | _kept_off(scatter), scatter.bl_rna),
         "classes": {
             str(c.uid): {
@@ -121,7 +130,7 @@ def _turned_to(body_class: Any) -> dict[str, Any]:
     return {"use_look_at": True, **values, "look_at_point": [round(x, 4) for x in look.point]}
 
 
-def _state_of(scatter: Any) -> list[Any]:
+def state_of_targets(scatter: Any) -> list[Any]:
     """Return what the targets look like and where they stand; of a single object without a further list."""
     found = [[checksums.of_shape(item), checksums.pose_of(item)] for item in scatter.targets]
     return found[0] if scatter.target_kind == "OBJECT" else found

@@ -7,6 +7,7 @@ bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.editing.painting import unsaved_images  # noqa: E402
+from esh.esh_scatter.targets import checksums  # noqa: E402
 
 
 @pytest.fixture
@@ -95,3 +96,46 @@ def test_without_a_layer_that_can_be_painted_an_image_is_made(scatter):
     body_class.add_layer("SLOPE")
     assert bpy.ops.esh.layer_paint(resolution=16) == {"FINISHED"}
     assert [layer.kind for layer in body_class.layers] == ["SLOPE", "IMAGE"] and scatter.target.mode == "TEXTURE_PAINT"
+
+
+def rough_ground(scatter):
+    """Subdivision rounds the positions of such a ground otherwise once it has a UV map."""
+    bpy.ops.mesh.primitive_grid_add(size=20, x_subdivisions=12, y_subdivisions=12)
+    ground = bpy.context.object
+    for layer in list(ground.data.uv_layers):
+        ground.data.uv_layers.remove(layer)
+    for number, vertex in enumerate(ground.data.vertices):
+        vertex.co.z = np.sin(1.7 * number)
+    ground.modifiers.new("Subdivision", "SUBSURF")
+    scatter.target, scatter.active_class.sizes[0].source_object = ground, scatter.target
+    return ground
+
+
+def as_ran(scatter):
+    scatter.report_json, scatter.ran_with = "{}", scatter.fingerprint()
+
+
+def test_a_uv_map_that_is_made_to_paint_is_no_change_of_shape(scatter):
+    ground = rough_ground(scatter)
+    as_ran(scatter)
+    other = bpy.context.scene.esh_scatter.add_scatter(ground)
+    as_ran(other)
+    bpy.context.scene.esh_scatter.scatter_index = 0
+    scatter = bpy.context.scene.esh_scatter.active
+    number = checksums.of_shape(ground)
+    assert bpy.ops.esh.layer_paint(kind="IMAGE", resolution=16) == {"FINISHED"} and len(ground.data.uv_layers) == 1
+    assert checksums.of_shape(ground) != number, "what this test is about"
+    assert scatter.changes() == ["density of Pine"] and not other.changes()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    ground.data.vertices[5].co.z += 0.5
+    ground.data.update()
+    assert other.changes() == ["shape or place of the target"]
+
+
+def test_a_uv_map_that_is_made_to_paint_hides_no_change_of_before(scatter):
+    ground = rough_ground(scatter)
+    as_ran(scatter)
+    ground.data.vertices[5].co.z += 0.5
+    ground.data.update()
+    assert bpy.ops.esh.layer_paint(kind="IMAGE", resolution=16) == {"FINISHED"}
+    assert "shape or place of the target" in scatter.changes()
