@@ -65,5 +65,6 @@ def take_name_of_result(item: PropertyGroup, result: Object) -> None:
 
 
 def scatter_of(item: PropertyGroup) -> PropertyGroup:
-    """Return the scatter that a class belongs to, or a part of one."""
-    return item.id_data.path_resolve(item.path_from_id().rpartition(".classes[")[0])
+    """Return the scatter that a class belongs to, or a part of one, or an obstacle."""
+    path = item.path_from_id()
+    return item.id_data.path_resolve(path[: max(path.rfind(".classes["), path.rfind(".obstacles["))])

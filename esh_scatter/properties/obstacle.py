@@ -4,17 +4,43 @@
 # mypy: disable-error-code="valid-type"
 
 import bpy
+import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, PointerProperty
 from bpy.types import PropertyGroup
 
 from ...engine.problem.settings import settings_of
 from ..solving.obstacles import FreePlace, ScatterObstacle
+from ..targets.evaluated_mesh import evaluated_mesh
 from .deleted import deleted_name
 from .described import property_of
+from .names import scatter_of
 
 __all__ = ["CLASSES", "ESH_PG_free_place", "ESH_PG_obstacle"]
 
 _SETTINGS = settings_of(ScatterObstacle)
+
+# How wide lines are that somebody chooses to avoid [m]: as paths; on small ground this share of its extent.
+PATH, OF_GROUND = 1.0, 0.05
+
+
+def _has_only_lines(item: bpy.types.Object, context: bpy.types.Context) -> bool:
+    with evaluated_mesh(item, context) as mesh:
+        return mesh is not None and len(mesh.edges) > 0 and not mesh.polygons
+
+
+def _chosen(self: "ESH_PG_obstacle", context: bpy.types.Context) -> None:
+    """Give lines a width, unless somebody has given one: a line itself keeps nothing off."""
+    items = self.items
+    if not items or self.is_property_set("width") or not all(_has_only_lines(item, context) for item in items):
+        return
+    width = PATH / self.id_data.unit_settings.scale_length
+    targets = scatter_of(self).targets
+    if targets:
+        corners = [np.array(item.bound_box) @ np.array(item.matrix_world)[:2, :3].T for item in targets]
+        extent = float(np.ptp(np.concatenate(corners), axis=0).max())
+        # Rounded, as somebody would type it.
+        width = min(width, float(f"{OF_GROUND * extent:.1g}")) or width
+    self.width = width
 
 
 class ESH_PG_obstacle(PropertyGroup):
@@ -34,12 +60,14 @@ class ESH_PG_obstacle(PropertyGroup):
         type=bpy.types.Object,
         name="Object",
         description="The obstacle. What it covers stays free: seen from above, or on a whole surface what is near it",
+        update=_chosen,
     )
     collection: PointerProperty(
         type=bpy.types.Collection,
         name="Collection",
         description="The collection whose objects are obstacles. What they cover stays free: seen from above, or on a whole "
         "surface what is near them",
+        update=_chosen,
     )
     width: property_of(_SETTINGS["width"])
     margin: property_of(_SETTINGS["margin"])

@@ -478,6 +478,7 @@ def test_obstacles_of_the_sidebar(sidebar, ground, tree):
         item.select_set(item in (box, curve, ground, tree))
     assert bpy.ops.esh.obstacle_add() == {"FINISHED"}
     assert [entry.item for entry in made.obstacles] == [box, curve], "neither the target nor what is placed"
+    assert made.obstacles[1].width > 0.0 == made.obstacles[0].width, "a line alone would keep nothing off"
     made.obstacles[1].width, made.obstacles[0].margin = 2.0, 0.5
     assert [(one.width, one.margin) for one in made.arguments(bpy.context.scene)[1]["obstacles"]] == [(0, 0.5), (2, 0)]
     bpy.ops.esh.scatter()
@@ -496,6 +497,35 @@ def test_obstacles_of_the_sidebar(sidebar, ground, tree):
     assert len(made.obstacles) == 1
     bpy.ops.esh.obstacle_remove()
     assert not bpy.ops.esh.obstacle_remove.poll() and not made.obstacles
+
+
+def test_lines_have_a_width_from_the_beginning(sidebar, ground, tree):
+    made = in_sidebar(sidebar, ground, tree)
+    line = path()
+    ground.scale = (2.0, 2.0, 1.0)
+    bpy.context.view_layer.update()
+
+    def chosen(**given):
+        entry = made.obstacles.add()
+        for name, value in given.items():
+            setattr(entry, name, value)
+        return entry.width
+
+    assert chosen(item=line) == 1.0 and chosen(width=0.0, item=line) == 0.0 and chosen(item=line, width=3.0) == 3.0
+    holder = bpy.data.collections.new("Holder")
+    holder.objects.link(line)
+    assert chosen(kind="COLLECTION", collection=holder) == 1.0
+    holder.objects.link(house())
+    assert chosen(kind="COLLECTION", collection=holder) == 0.0
+    bpy.context.scene.unit_settings.scale_length = 2.0
+    assert chosen(item=line) == 0.5
+    bpy.context.scene.unit_settings.scale_length = 1.0
+    ground.scale = (0.02, 0.02, 0.02)
+    bpy.context.view_layer.update()
+    assert chosen(item=line) == pytest.approx(0.02), "a path on a plate"
+    line.data.bevel_depth = 0.4
+    bpy.context.view_layer.update()
+    assert chosen(item=line) == 0.0, "its faces say how wide it is"
 
 
 def test_neither_tiles_of_the_target_nor_what_is_placed_become_obstacles(sidebar, ground, tree):
