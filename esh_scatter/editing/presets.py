@@ -188,7 +188,7 @@ def _fill(
         body_class.stand_on = measured[0].stand_on
     if cover and body_class.count_kind == "SIZES":
         if source is not None:
-            count = min(MOST, math.ceil(cover * ground / measured[0].area)) if measured else 1
+            count = min(MOST, math.ceil(cover * ground / measured[0].taken)) if measured else 1
         body_class.sizes[0].count = max(1, round(count))
 
 

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from ...engine.errors import ProblemError
+from ...engine.problem.footprint import Footprint
 from ...engine.problem.scatter_settings import TargetSettings
 from ...engine.surface.chart import Chart
 from ...engine.surface.whole_surface import WholeSurface
@@ -44,13 +45,15 @@ class Measured(NamedTuple):
 
     Attributes:
         item: The object or the collection.
-        area: Ground that one takes [m²].
+        area: Ground that one covers [m²].
+        taken: Ground that others are kept off [m²]: with the inside of a ring, and what lies between letters.
         upright: Whether it is taller than it is wide, as a tree is and a plank is not.
         stand_on: What of it touches the ground: its lowest point where its origin is in the middle of it, or else the origin.
     """
 
     item: bpy.types.Object | bpy.types.Collection
     area: float
+    taken: float
     upright: bool
     stand_on: str
 
@@ -84,7 +87,8 @@ def _measured(item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh,
     height = float(np.ptp(mesh.position[:, 2]))
     # Cards with grass on them stand, however wide they are.
     stands = outline.is_around or height > max(outline.length, outline.width)
-    return Measured(item, outline.area, stands, _stand_on(item, mesh, bpy.context))
+    taken = outline.area if outline.is_around else Footprint.polygon(outline.corners).area
+    return Measured(item, outline.area, taken, stands, _stand_on(item, mesh, bpy.context))
 
 
 class SelectionSurvey:

@@ -6,6 +6,7 @@
 # Properties are annotations that are calls, which Blender reads and mypy cannot.
 # mypy: disable-error-code="valid-type"
 
+import sys
 from typing import TYPE_CHECKING
 
 import bpy
@@ -64,6 +65,8 @@ class _Run(bpy.types.Operator):
     asked: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
     # What was seen before the run, and is told after it.
     _hints: tuple[str, ...] = ()
+    # What has held the number of objects, as the panel tells it from then on; empty where nothing has.
+    _held: str = ""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run to the end before returning: for scripts, ``blender -b`` and the panel of the last operation."""
@@ -202,7 +205,7 @@ class _Run(bpy.types.Operator):
         return self._finish(settings, result)
 
     def _finish(self, settings: ESH_PG_scatter, result: "ScatterResult") -> set[str]:
-        settings.remember(result.object, result.report.to_dict())
+        settings.remember(result.object, {**result.report.to_dict(), words.HELD: self._held})
         report = settings.report
         assert report is not None
         if (real := real_objects_of(result.object)) is not None:
@@ -210,7 +213,7 @@ class _Run(bpy.types.Operator):
             discard_real(real, ())
         left_out = settings.left_out()
         look = [*self._hints[:1], *words.notes(report), *left_out]
-        text = words.summary(report)
+        text = words.summary(report) + (f". {self._held}" if self._held else "")
         if look:
             text += f". {look[0]}" + (f" (and {len(look) - 1} more in the panel)" if len(look) > 1 else "")
         text = in_scene_units(bpy.context.scene, text)
@@ -358,7 +361,10 @@ class ScatterObjects(_Run):
             for name in found.as_large(measured)
         )
         ground = found.ground_for(measured)
-        counts = pleasant_counts([one.area for one in measured], ground, self.cover, self.most)
+        areas = [one.taken for one in measured]
+        counts = pleasant_counts(areas, ground, self.cover, self.most)
+        wanted = sum(pleasant_counts(areas, ground, self.cover, sys.maxsize))
+        self._held = words.held(self.most, self.cover, wanted) if wanted > max(self.most, sum(counts)) else ""
         scatter = context.scene.esh_scatter.add_scatter(stood_on(context.view_layer.objects.active))
         add_classes(scatter, measured, counts)
         for name in ("surface", "class_separation", "boundary", "seed"):

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CLUMPED",
+    "HELD",
     "MAY_OVERLAP",
     "NOTE_KINDS",
     "UNBROKEN",
@@ -19,6 +20,7 @@ __all__ = [
     "evenness",
     "evenness_word",
     "has_trouble",
+    "held",
     "kept",
     "meters",
     "notes",
@@ -40,6 +42,8 @@ MAY_OVERLAP = "may_overlap"
 CLUMPED = "clumped"
 # And what each of its notes is about, which texts alone do not say.
 NOTE_KINDS = "note_kinds"
+# And what has held the number of objects, as a sentence.
+HELD = "held"
 # A space at which no line is broken.
 UNBROKEN = "\u00a0"
 # Fewer than this have no evenness to speak of.
@@ -145,6 +149,11 @@ def overlaps(report: dict[str, Any]) -> str:
     """Return how many pairs of footprints overlap: "12 pairs"."""
     count = report["overlaps"]
     return f"{count:,} pair{'s' * (count != 1)}" if count else "none"
+
+
+def held(most: int, share: float, wanted: int) -> str:
+    """Return that a limit has held the number of objects: "Held at 2,000 by Max Objects: 25% cover would take 1,250,000"."""
+    return f"Held at {most:,} by Max Objects: {100.0 * share:.3g}% cover would take {wanted:,}"
 
 
 def cover(found: Cover) -> str:

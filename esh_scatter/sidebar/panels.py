@@ -320,6 +320,8 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
             seconds = fits_line(context, words.summary(report))
             text = words.summary(report, words.UNBROKEN, seconds=seconds)
             write_text(context, column, text, icon="ERROR" if words.has_trouble(report) else "CHECKMARK")
+            if report.get(words.HELD):
+                write_text(context, column, report[words.HELD], icon="INFO")
     said = live.status(context.scene, scatter)
     if said and context.mode.startswith("PAINT"):
         # Before the first stroke there is nothing yet, and that is no mistake.

@@ -303,7 +303,10 @@ class Window:
         monkeypatch.setattr(running.bpy, "context", self.context)
         running.start(self.context, job)
         operator = SimpleNamespace(
-            report=lambda kind, text: self.reports.append((*kind, text)), _undo=lambda _context: None, _hints=()
+            report=lambda kind, text: self.reports.append((*kind, text)),
+            _undo=lambda _context: None,
+            _hints=(),
+            _held="",
         )
         for name in ("_stopped", "_write", "_finish"):
             setattr(operator, name, getattr(ESH_OT_scatter, name).__get__(operator))

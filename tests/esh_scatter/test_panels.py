@@ -260,9 +260,12 @@ def test_the_status_is_one_line_under_the_button():
     narrow = draw_all(235)
     lines = narrow[narrow.index("live") + 1 :][:2]
     assert lines == ["1,234 placed · no overlap", "very even"], "no part is torn in two, and no line begins with a dot"
+    scatter.remember(scatter.result, report(held="Held at 1,234 by Max Objects: 25% cover would take 9,000"))
+    assert "Held at 1,234 by Max Objects: 25% cover would take 9,000" in draw_all(600)
     scatter.classes[0].sizes[0].count += 1
     scatter.seed += 1
     drawn = draw_all(500)
+    assert not any("Held at" in text for text in drawn)
     assert drawn[drawn.index("live") + 1] == "Changed: seed, count of Pine"
     scatter.classes[0].add_layer("IMAGE")
     other = scatter.add_class()

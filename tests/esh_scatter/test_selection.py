@@ -136,6 +136,29 @@ def test_cover_most_mixing_and_seed_can_be_tuned(ground, objects):
     assert (scatter.seed, scatter.class_separation) == (5, pytest.approx(0.9))
 
 
+def test_that_most_has_held_the_number_is_told(ground, objects, capfd):
+    select(*objects, ground, active=ground)
+    bpy.ops.esh.scatter_selection(most=60)
+    said = capfd.readouterr().out
+    wanted = sum(selection.pleasant_counts([1.0, 0.4, 0.01], 400.0, 0.25, 100_000))
+    told = f"Held at 60 by Max Objects: 25% cover would take {wanted:,}"
+    assert told in said and bpy.context.scene.esh_scatter.active.report["held"] == told
+    bpy.ops.esh.scatter()
+    assert not bpy.context.scene.esh_scatter.active.report["held"], "by then the count is the user's own"
+    bpy.ops.esh.scatter_remove()
+    select(*objects, ground, active=ground)
+    bpy.ops.esh.scatter_selection(most=wanted + 10)
+    assert "Held at" not in capfd.readouterr().out
+
+
+def test_rings_cover_as_much_of_the_ground_as_was_asked_for(ground):
+    """Others are kept off their insides, too."""
+    bpy.ops.mesh.primitive_torus_add(major_radius=1.0, minor_radius=0.1, location=(50.0, 0.0, 0.0))
+    select(bpy.context.object, ground, active=ground)
+    bpy.ops.esh.scatter_selection(boundary="OPEN")
+    assert bpy.context.scene.esh_scatter.active.report["covered"] == pytest.approx(0.25, abs=0.02)
+
+
 def test_nothing_lines_up_along_the_edges(ground, objects):
     select(objects[2], ground, active=ground)
     side, crowding = 20.0, {}
