@@ -11,6 +11,7 @@ import numpy as np
 from bpy.props import EnumProperty
 
 from ..properties.scene import active_scatter, selected_scatter
+from ..result.points_in_front import show_points
 from ..solving import running
 from ..targets.target import RESULT_TARGET, is_result
 
@@ -169,6 +170,7 @@ def select_points(operator: bpy.types.Operator, context: bpy.types.Context, chos
     context.view_layer.objects.active = result
     result.data.vertices.foreach_set("select", chosen)
     context.tool_settings.mesh_select_mode = (True, False, False)
+    show_points(result)
     bpy.ops.object.mode_set(mode="EDIT")
     # Whatever stands on the points of a selected object has an outline, also where its point is not selected.
     result.select_set(False)

@@ -20,6 +20,7 @@ from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import pins, real_objects
 from ..result.kept_ground import CLASSES_OF_POINTS, read_attribute, stand_anew
+from ..result.points_in_front import hide_points
 from ..result.result import CLASS_NAMES
 from ..result.scene_units import sentence
 from .edit import Edit, select_points
@@ -60,6 +61,7 @@ class ESH_OT_instances_edit(_OnResult):
         assert result is not None
         if result.mode == "EDIT":
             bpy.ops.object.mode_set(mode="OBJECT")
+            hide_points(result)
             result.select_set(True)
             return {"FINISHED"}
         return select_points(self, context, np.zeros(len(result.data.vertices), bool))

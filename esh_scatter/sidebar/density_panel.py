@@ -12,7 +12,7 @@ from ..properties.described import shown_settings
 from . import density_preview
 from .panel_parts import draw_image, draw_property, is_narrow
 
-__all__ = ["draw_density"]
+__all__ = ["draw_density", "is_painted"]
 
 # Kinds of layers that are painted, and the mode in which that is done.
 PAINTED_IN = {"IMAGE": "PAINT_TEXTURE", "VERTEX_GROUP": "PAINT_WEIGHT"}
@@ -50,6 +50,16 @@ def draw_density(context: bpy.types.Context, column: bpy.types.UILayout, scatter
         them = "it is" if len(names) == 1 else "they are"
         notes.append(f"{', '.join(names)} painted, not saved: {them} packed into the file when you save it")
     return notes
+
+
+def is_painted(context: bpy.types.Context, scatter: Any) -> bool:
+    """Tell whether somebody is in the mode that paints a layer of a scatter, on one of its targets."""
+    layers = (layer for body_class in scatter.classes for layer in body_class.layers)
+    return (
+        context.mode in PAINTED_IN.values()
+        and any(item.mode != "OBJECT" for item in scatter.targets)
+        and any(PAINTED_IN.get(layer.kind) == context.mode for layer in layers)
+    )
 
 
 def _draw_layer(

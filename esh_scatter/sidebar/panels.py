@@ -19,6 +19,7 @@ from ..result.result import is_shared
 from ..solving import live, running
 from ..targets import checksums
 from . import class_panels, report_panel
+from .density_panel import is_painted
 from .panel_parts import Panel, SubPanel, draw_list, draw_settings, fits_line, is_narrow, write_text
 from .preset_pictures import draw_pictures
 
@@ -77,13 +78,26 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
         # The switch is as wide as its place, without a column for its name.
         button.use_property_split = False
         result = scatter.result_in(context.scene)
-        button.operator(
-            "esh.scatter", text="Update" if result else "Scatter", icon="FILE_REFRESH" if result else "PLAY"
-        )
+        editing = result is not None and result.mode == "EDIT"
+        if editing:
+            # There is no run in Edit Mode.
+            button.operator("esh.instances_edit", text="Done", icon="CHECKMARK")
+        else:
+            button.operator(
+                "esh.scatter", text="Update" if result else "Scatter", icon="FILE_REFRESH" if result else "PLAY"
+            )
         button.prop(scatter, "live", toggle=True)
         if scatter.live and not live.is_live(context.scene, scatter):
             # It was switched on in the file that was opened, or by redo.
             live.wake()
+        if editing:
+            text = "Select points and move them (G). Instances, below, has buttons to pin, rotate and remove them"
+            write_text(context, layout.column(align=True), text, icon="INFO")
+            if not scatter.live:
+                return
+        if is_painted(context, scatter):
+            # The layer has that button, too, but often below the lower edge of the window.
+            layout.operator("object.mode_set", text="Done Painting", icon="CHECKMARK").mode = "OBJECT"
         with asked_once():
             _draw_status(context, layout.column(align=True), scatter)
         if checksums.is_old():
@@ -206,7 +220,6 @@ class ESH_PT_instances(SubPanel, bpy.types.Panel):
         row.operator("esh.instances_edit", text=text, icon=icon)
         if editing:
             write_text(context, column, "Select points and move them (G). What you move stays there in the next run")
-            write_text(context, column, "Alt Z shows points that objects hide")
         buttons = column.column(align=True)
         row = buttons.row(align=True)
         row.operator("esh.instances_pin", icon="PINNED")

@@ -484,6 +484,33 @@ def test_painting_ends_where_it_began():
             assert "esh.layer_paint" in drawn[other] and "object.mode_set" not in drawn[other]
 
 
+def test_painting_can_be_ended_near_the_top_of_the_sidebar():
+    """A shelf of brushes hides the lower half."""
+    scatter = ready_scatter()
+    assert "object.mode_set" not in draw_all()
+    scatter.classes[0].add_layer("VERTEX_GROUP")
+    scatter.classes[0].add_layer("SLOPE")
+    bpy.context.view_layer.objects.active = scatter.target
+    bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
+    drawn = draw_all()
+    assert drawn.index("esh.scatter") < drawn.index("object.mode_set") < drawn.index("classes")
+    scatter.classes[0].layers[0].kind = "IMAGE"
+    assert "object.mode_set" not in draw_all(), "what is painted is none of its layers"
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def test_while_instances_are_edited_the_top_says_what_to_do_and_ends_it():
+    scatter = ready_scatter()
+    bpy.context.view_layer.objects.active = scatter.result
+    bpy.ops.object.mode_set(mode="EDIT")
+    drawn = draw_all(900)
+    assert "esh.scatter" not in drawn and drawn.index("esh.instances_edit") < drawn.index("classes")
+    assert drawn[drawn.index("live") + 1].startswith("Select points and move them (G)")
+    assert drawn.count("esh.instances_edit") == 2, "and in the panel of instances"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert "esh.scatter" in draw_all()
+
+
 def test_where_strokes_go_to_another_image_the_selected_one_can_be_painted():
     """Undo and redo leave nothing that is painted on."""
     scatter = ready_scatter()

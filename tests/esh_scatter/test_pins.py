@@ -8,7 +8,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh import ScatterClass, ScatterSize, scatter  # noqa: E402
-from esh.esh_scatter.result import pins  # noqa: E402
+from esh.esh_scatter.result import pins, points_in_front  # noqa: E402
 from esh.esh_scatter.result.kept_ground import read_attribute, write_attribute  # noqa: E402
 from esh.esh_scatter.solving import live  # noqa: E402
 
@@ -393,6 +393,21 @@ def test_a_result_that_is_hidden_in_any_way_is_not_entered(made):
         bpy.ops.esh.instances_edit()
     made.result.hide_viewport = False
     assert bpy.ops.esh.instances_edit() == {"FINISHED"} and made.result.mode == "EDIT"
+
+
+@pytest.mark.parametrize("ends", ["by the button", "by Tab"])
+@pytest.mark.parametrize("in_front", [False, True])
+def test_points_show_in_front_of_objects_while_they_are_edited(made, ends, in_front):
+    made.result.show_in_front = in_front
+    assert bpy.ops.esh.instances_edit() == {"FINISHED"} and made.result.show_in_front
+    if ends == "by the button":
+        bpy.ops.esh.instances_edit()
+    else:
+        assert points_in_front._look(made.result.name) == (None if in_front else points_in_front.LOOK_AGAIN)
+        bpy.ops.object.mode_set(mode="OBJECT")
+        assert points_in_front._look(made.result.name) is None
+    assert made.result.mode == "OBJECT" and made.result.show_in_front == in_front, "as somebody has set it"
+    assert points_in_front._look("no longer there") is None
 
 
 @pytest.fixture
