@@ -1,6 +1,6 @@
 """The sidebar tab: the panels of a scatter."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import bpy
@@ -18,6 +18,7 @@ from ..result.refused import NOT_SEEN
 from ..result.result import is_shared
 from ..solving import live, running
 from ..targets import checksums
+from ..targets.target import is_result
 from . import class_panels, report_panel
 from .density_panel import is_painted
 from .panel_parts import Panel, SubPanel, draw_list, draw_settings, fits_line, is_narrow, write_text
@@ -57,6 +58,7 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
                 # The first run adds its scatter when it ends.
                 _draw_progress(layout)
                 return
+            _draw_foreign(context, layout.column(), [])
             _draw_beginning(context, layout.column())
             return
         top = layout.column()
@@ -100,6 +102,7 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
             layout.operator("object.mode_set", text="Done Painting", icon="CHECKMARK").mode = "OBJECT"
         with asked_once():
             _draw_status(context, layout.column(align=True), scatter)
+        _draw_foreign(context, layout.column(), context.scene.esh_scatter.scatters)
         if checksums.is_old():
             running.redraw_later()
 
@@ -289,6 +292,19 @@ def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> N
     column.separator()
     write_text(context, column, "Or look at one first:")
     column.operator("esh.example", icon="OUTLINER_OB_POINTCLOUD")
+
+
+def _draw_foreign(context: bpy.types.Context, column: bpy.types.UILayout, scatters: Iterable[ESH_PG_scatter]) -> None:
+    """Say of an active result that is none of these scatters' where its settings are."""
+    item = context.view_layer.objects.active
+    if item is None or not is_result(item) or any(scatter.result == item for scatter in scatters):
+        return
+    text = (
+        f'"{item.name}" belongs to no scatter of this scene and stays as it is. If it came from another file, its settings stayed '
+        "there: append the scene, or export a preset there and import it here"
+    )
+    write_text(context, column, text, icon="INFO")
+    column.separator()
 
 
 def _draw_active_scatter(context: bpy.types.Context, row: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:

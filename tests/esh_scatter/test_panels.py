@@ -124,7 +124,9 @@ def shown_context(width: int = 300) -> SimpleNamespace:
     """Return what drawing asks of a context; without a window Blender knows no scale of its interface."""
     preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0), ui_styles=bpy.context.preferences.ui_styles)
     region = SimpleNamespace(width=width)
-    return SimpleNamespace(scene=bpy.context.scene, mode=bpy.context.mode, preferences=preferences, region=region)
+    context = bpy.context
+    shown = {"scene": context.scene, "view_layer": context.view_layer, "mode": context.mode}
+    return SimpleNamespace(**shown, preferences=preferences, region=region)
 
 
 def draw_all(width: int = 300) -> list[str]:
@@ -509,6 +511,31 @@ def test_while_instances_are_edited_the_top_says_what_to_do_and_ends_it():
     assert drawn.count("esh.instances_edit") == 2, "and in the panel of instances"
     bpy.ops.object.mode_set(mode="OBJECT")
     assert "esh.scatter" in draw_all()
+
+
+def test_of_a_result_without_a_scatter_it_is_said_where_its_settings_are(tmp_path):
+    result = ready_scatter().result
+    bpy.context.view_layer.objects.active = result
+
+    def told():
+        return [text for text in draw_all(2000) if "belongs to no scatter of this scene" in text]
+
+    assert not told()
+    copy = result.copy()
+    bpy.context.scene.collection.objects.link(copy)
+    bpy.context.view_layer.objects.active = copy
+    assert told()[0].startswith(f'"{copy.name}" ')
+    bpy.data.objects.remove(copy)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "other.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    for link in (False, True):
+        with bpy.data.libraries.load(str(tmp_path / "other.blend"), link=link) as (_, wanted):
+            wanted.objects = ["Result"]
+        bpy.context.scene.collection.objects.link(wanted.objects[0])
+        assert not told()
+        bpy.context.view_layer.objects.active = wanted.objects[0]
+        assert told() and "esh.scatter_selection" in draw_all()
+        bpy.context.view_layer.objects.active = None
 
 
 def test_where_strokes_go_to_another_image_the_selected_one_can_be_painted():
