@@ -93,8 +93,8 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
             # It was switched on in the file that was opened, or by redo.
             live.wake()
         if editing:
-            text = "Select points and move them (G). Instances, below, has buttons to pin, rotate and remove them"
-            write_text(context, layout.column(align=True), text, icon="INFO")
+            said = "Select points and move them (G). Instances, below, has buttons to pin, rotate and remove them"
+            write_text(context, layout.column(align=True), said, icon="INFO")
             if not scatter.live:
                 return
         if is_painted(context, scatter):
