@@ -391,8 +391,8 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
 
         Subdivision rounds otherwise where a mesh has a UV map.
         """
-        record = _parse_record(self.ran_with)
         with checksums.now():
+            record = self._ran_with_record()
             kept = bool(record) and record["target"] == settings_record.state_of_targets(self)
             yield
             if kept:

@@ -132,7 +132,11 @@ def _turned_to(body_class: Any) -> dict[str, Any]:
 
 def state_of_targets(scatter: Any) -> list[Any]:
     """Return what the targets look like and where they stand; of a single object without a further list."""
-    found = [[checksums.of_shape(item), checksums.pose_of(item)] for item in scatter.targets]
+    return _states_of(scatter, checksums.of_ground)
+
+
+def _states_of(scatter: Any, number_of: Callable[[bpy.types.Object], int]) -> list[Any]:
+    found = [[number_of(item), checksums.pose_of(item)] for item in scatter.targets]
     return found[0] if scatter.target_kind == "OBJECT" else found
 
 
@@ -151,7 +155,12 @@ def completed(before: dict[str, Any], scatter: Any) -> dict[str, Any]:
         }
         for uid, one in before["classes"].items()
     }
-    return {**before, "scatter": _without_defaults(before["scatter"], scatter.bl_rna), "classes": classes}
+    target = before["target"]
+    # Older ones looked at what subdivision makes of a target.
+    if target and scatter.first_target and target == _states_of(scatter, checksums.of_shape):
+        target = state_of_targets(scatter)
+    values = _without_defaults(before["scatter"], scatter.bl_rna)
+    return {**before, "target": target, "scatter": values, "classes": classes}
 
 
 def same(before: dict[str, Any], now: dict[str, Any]) -> bool:

@@ -93,7 +93,7 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
             # It was switched on in the file that was opened, or by redo.
             live.wake()
         if editing:
-            said = "Select points and move them (G). Instances, below, has buttons to pin, rotate and remove them"
+            said = "Select points and move them (G). Instances, below, has more"
             write_text(context, layout.column(align=True), said, icon="INFO")
             if not scatter.live:
                 return

@@ -24,6 +24,7 @@ __all__ = [
     "now",
     "of_attribute",
     "of_collection",
+    "of_ground",
     "of_image",
     "of_members",
     "of_object",
@@ -47,6 +48,10 @@ MOST_WEIGHTS = 20_000
 ROWS_APART = 16
 # Decimals of rotation and scale that count; the rest is rounding.
 DECIMALS = 5
+
+# What says how a mesh is subdivided: attributes of it, and settings of the modifier.
+_CREASES = ("crease_edge", "crease_vert")
+_SUBDIVISION = ("levels", "subdivision_type", "quality", "use_limit_surface", "use_creases", "boundary_smooth")
 
 _FIELDS = {
     "FLOAT": ("value", 1, np.float32),
@@ -114,6 +119,19 @@ def of_image(image: bpy.types.Image | None) -> int:
 def of_shape(item: bpy.types.Object) -> int:
     """Return the number of a mesh object's vertices and corners, as they are stored and as its modifiers make them."""
     return worked_out(("shape", item.session_uid), lambda: _shape_number(item))
+
+
+def of_ground(item: bpy.types.Object) -> int:
+    """Return the number of a target's shape: :func:`of_shape`, but of a mesh that is only subdivided what it is subdivided from.
+
+    How subdivision rounds depends on whether the mesh has a UV map, which is nothing of its shape.
+    """
+    if item.type != "MESH" or item.data.shape_keys is not None:
+        return of_shape(item)
+    shown = [modifier for modifier in item.modifiers if modifier.show_viewport]
+    if not shown or any(modifier.type != "SUBSURF" for modifier in shown):
+        return of_shape(item)
+    return worked_out(("subdivided", item.session_uid), lambda: _subdivided_number(item))
 
 
 def of_object(item: bpy.types.Object) -> int:
@@ -200,6 +218,16 @@ def _shape_number(item: bpy.types.Object) -> int:
     stored = zlib.crc32(_mesh_bytes(item.data)) if is_mesh else 0
     made = not is_mesh or len(item.modifiers) or item.data.shape_keys is not None
     return _with(stored, zlib.crc32(_evaluated_bytes(item))) if made and item.mode != "EDIT" else stored
+
+
+def _subdivided_number(item: bpy.types.Object) -> int:
+    """Of what is stored, and of all that says how it is subdivided; as drivers and the simplified scene have it."""
+    creases = [_values_number(item.data, name) for name in _CREASES]
+    evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    steps = [[getattr(one, name) for name in _SUBDIVISION] for one in evaluated.modifiers if one.show_viewport]
+    render = bpy.context.scene.render
+    simplified = render.simplify_subdivision if render.use_simplify else None
+    return zlib.crc32(repr([creases, steps, simplified]).encode(), zlib.crc32(_mesh_bytes(item.data)))
 
 
 def _with(stored: int, made: int) -> int:

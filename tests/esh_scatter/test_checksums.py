@@ -1,5 +1,6 @@
 """What makes a result out of date, and what does not."""
 
+import json
 import time
 
 import numpy as np
@@ -153,6 +154,69 @@ def test_what_nothing_follows_changes_nothing(scatter):
     bpy.data.objects["Tree 0"].location.x += 3
     bpy.context.view_layer.update()
     assert not scatter.outdated
+
+
+@pytest.fixture
+def subdivided(scatter):
+    """Rough ground of which nothing but the shape counts."""
+    ground = scatter.target
+    for number, vertex in enumerate(ground.data.vertices):
+        vertex.co.z = np.sin(1.7 * number)
+    # Subdivision gives attributes other values, too.
+    for name in ("Laid out", "Wet", "Painted"):
+        scatter.classes[name].mute = True
+    ground.modifiers.new("Subdivision", "SUBSURF")
+    scatter.ran_with = scatter.fingerprint()
+    assert scatter.changes() == []
+    return scatter
+
+
+def crease(ground):
+    ground.data.attributes.new("crease_edge", "FLOAT", "EDGE").data[9].value = 1.0
+
+
+def simplify(_ground):
+    render = bpy.context.scene.render
+    render.use_simplify, render.simplify_subdivision = True, 0
+
+
+def follow_a_driver(ground):
+    ground.modifiers[0].driver_add("levels").driver.expression = "3"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda ground: setattr(ground.data.vertices[7].co, "z", 3.0),
+        lambda ground: setattr(ground.modifiers[0], "levels", 2),
+        lambda ground: setattr(ground.modifiers[0], "subdivision_type", "SIMPLE"),
+        lambda ground: setattr(ground.modifiers[0], "boundary_smooth", "PRESERVE_CORNERS"),
+        lambda ground: setattr(ground.modifiers[0], "show_viewport", False),
+        lambda ground: ground.modifiers.new("Again", "SUBSURF"),
+        lambda ground: ground.modifiers.new("Wave", "SIMPLE_DEFORM"),
+        crease,
+        simplify,
+        follow_a_driver,
+    ],
+)
+def test_what_subdivides_ground_otherwise_is_something_of_its_shape(subdivided, change):
+    ground = subdivided.target
+    before = checksums.of_shape(ground)
+    change(ground)
+    ground.data.update()
+    bpy.context.view_layer.update()
+    assert checksums.of_shape(ground) != before, "it is another shape"
+    assert subdivided.changes() == ["shape or place of the target"]
+
+
+def test_subdivided_ground_of_an_older_file_is_up_to_date(subdivided):
+    number = checksums.of_shape(subdivided.target)
+    record = json.loads(subdivided.ran_with)
+    subdivided.ran_with = json.dumps({**record, "target": [number, record["target"][1]]})
+    assert record["target"][0] != number and subdivided.changes() == []
+    subdivided.target.data.vertices[7].co.z = 3.0
+    subdivided.target.data.update()
+    assert subdivided.changes() == ["shape or place of the target"]
 
 
 def test_renaming_changes_nothing(scatter):

@@ -117,6 +117,7 @@ def as_ran(scatter):
 
 def test_a_uv_map_that_is_made_to_paint_is_no_change_of_shape(scatter):
     ground = rough_ground(scatter)
+    ground.modifiers.new("Displace", "DISPLACE").strength = 0.1
     as_ran(scatter)
     other = bpy.context.scene.esh_scatter.add_scatter(ground)
     as_ran(other)
@@ -139,3 +140,15 @@ def test_a_uv_map_that_is_made_to_paint_hides_no_change_of_before(scatter):
     ground.data.update()
     assert bpy.ops.esh.layer_paint(kind="IMAGE", resolution=16) == {"FINISHED"}
     assert "shape or place of the target" in scatter.changes()
+
+
+def test_a_uv_map_that_somebody_makes_is_no_change_of_the_shape_of_subdivided_ground(scatter):
+    ground = rough_ground(scatter)
+    as_ran(scatter)
+    number = checksums.of_shape(ground)
+    uv = ground.data.uv_layers.new(name="Unwrapped", do_init=False).uv
+    for entry, loop in zip(uv, ground.data.loops, strict=True):
+        entry.vector = ground.data.vertices[loop.vertex_index].co.xy / 20.0
+    ground.data.update()
+    assert checksums.of_shape(ground) != number, "what this test is about"
+    assert scatter.changes() == []
