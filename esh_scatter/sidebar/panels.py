@@ -300,8 +300,8 @@ def _draw_foreign(context: bpy.types.Context, column: bpy.types.UILayout, scatte
     if item is None or not is_result(item) or any(scatter.result == item for scatter in scatters):
         return
     text = (
-        f'"{item.name}" belongs to no scatter of this scene and stays as it is. If it came from another file, its settings stayed '
-        "there: append the scene, or export a preset there and import it here"
+        f'"{item.name}" belongs to no scatter of this scene. If it is of another file, its settings are there: append that scene, '
+        "or import a preset of it"
     )
     write_text(context, column, text, icon="INFO")
     column.separator()
