@@ -109,7 +109,7 @@ def target_mesh(
 
     Where the density is ``uniform``, the blur is nowhere narrower than usual.
     """
-    nodes = max(NODES_PER_CHARGE * charge_count, fewest_nodes)
+    nodes = float(max(NODES_PER_CHARGE * charge_count, fewest_nodes))
     crowding = space.area / (charge_count * spacing**2)
     if crowding > MUCH_CROWDING:
         nodes = max(nodes, min(nodes * crowding / MUCH_CROWDING, NODES_FOR_SPOTS))
