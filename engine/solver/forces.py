@@ -11,10 +11,10 @@ from ..device.launcher import Launcher
 from ..field.field import Field, FieldTarget
 from ..field.mirrored_field import COPIES, MirroredField
 from ..space.asked_counts import typical_spacing
-from ..space.part import LARGEST_PART, Part, part_of
 from . import kernels_descent
 from .attraction import group_targets
 from .model import Model
+from .occupied_part import occupied_part
 
 __all__ = ["SMALLEST_DENSITY", "Forces"]
 
@@ -24,9 +24,6 @@ SMALLEST_DENSITY = 2e-3
 # What is blurred lets lines and outlines slip through each other, and contact cannot disentangle them again: of 24 crowds of sticks
 # and discs, 7 kept overlaps with the usual blur, 3 with half of it, none as all but points.
 BLUR_OF_LONG_ONES_IN_CONTACT = 0.03
-# How far around all densities the field reaches that is computed for them alone, in spacings: what is farther across a border that is
-# a mirror, or joined, is even.
-ROOM_AROUND_PART = 6.0
 
 
 class Forces:
@@ -75,7 +72,9 @@ class Forces:
             "smooth": smooth,
             "whole_charge": whole_charge,
         }
-        part = _part_of(model, described["targets"], described["spacing"])
+        parts = [part for target in described["targets"] for part in (target, *target.more)]
+        attracting = [image for part in parts for image in (part.image, part.whole) if image is not None]
+        part = occupied_part(problem, attracting)
         self.images_of_each = 1
         if part is None and problem.rectangle.mirrored:
             self.images_of_each = COPIES
@@ -110,18 +109,3 @@ class Forces:
             [result],
         )
         return result
-
-
-def _part_of(model: Model, targets: list[FieldTarget], spacing: float) -> Part | None:
-    """The part of the space that holds all charges and targets, with some room around; None where that is no small one."""
-    parts = [part for target in targets for part in (target, *target.more)]
-    part = part_of(image for one in parts for image in (one.image, one.whole) if image is not None)
-    if part is None:
-        return None
-    size, problem = model.size, model.problem
-    if model.has_fixed:
-        part = part.with_positions(problem.fixed.position / model.unit, size)
-    part = part.with_margin(ROOM_AROUND_PART * spacing + 0.5 * float(model.body.longest.max()) / model.unit, size)
-    # Across borders that are joined, or mirrors, others are seen.
-    sees_across = problem.rectangle.mirrored or not model.space.has_edges
-    return None if part.share > LARGEST_PART or (sees_across and part.touches_border) else part

@@ -24,6 +24,7 @@ from ..space.asked_counts import typical_spacing
 from ..space.comparison_grid import comparison_cells
 from ..space.mesh_layout import MeshLayout
 from ..space.space import Space
+from .occupied_part import occupied_part
 
 __all__ = ["check_counts", "check_memory", "required_memory"]
 
@@ -115,7 +116,10 @@ def _required_for_meshes(problem: Problem) -> int:
     unit = math.sqrt(problem.rectangle.area / problem.charge_count)
     space = Space.of(problem.rectangle, unit)
     spacing, charges = typical_spacing(problem) / unit, problem.charge_count
-    if problem.rectangle.mirrored:
+    part = occupied_part(problem)
+    if part is not None:
+        space = Space(part.extent(space.size))
+    elif problem.rectangle.mirrored:
         # The mesh lies over the images beyond the borders as well.
         space, charges = space.with_mirror_images(), COPIES * charges
     coarse = charge_mesh(space, spacing, charge_count=charges, group_count=groups, on_gpu=False)

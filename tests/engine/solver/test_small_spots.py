@@ -11,6 +11,7 @@ from esh.engine.device.launcher import Launcher
 from esh.engine.field.field import Field, FieldTarget
 from esh.engine.problem.domain import Domain
 from esh.engine.quality.spacing import smallest_spacing
+from esh.engine.solver.memory import required_memory
 from esh.engine.solver.solver import Solver
 from esh.engine.solver.spread import Spreading
 from esh.engine.space.part import Part, part_of
@@ -157,6 +158,13 @@ def test_spacings_in_a_crowd_are_those_of_a_tree():
     found = smallest_spacing(position, number, Domain((SIDE, SIDE)), launcher)
     launcher.close()
     assert found == pytest.approx(distances(position, 0.01).min(), rel=0.01)
+
+
+def test_a_spot_takes_no_more_memory_than_a_ground_of_its_own():
+    spot = required_memory(problem_of(disc(0.01, pixels=4096), 200_000))
+    own = required_memory(esh.Problem(esh.Domain((0.02, 0.02)), [esh.BodyClass("a", [esh.Size("s", 1e-10, 200_000)])]))
+    # But for the image of 4096 x 4096 pixels.
+    assert spot < 2.0 * own + 40 * 4096**2
 
 
 def test_points_are_spread_where_nothing_is_left_of_a_density():
