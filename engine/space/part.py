@@ -81,7 +81,8 @@ def part_of(images: Iterable[np.ndarray]) -> Part | None:
 
 def _around(image: np.ndarray) -> Part | None:
     height, width = image.shape
-    rows, columns = np.flatnonzero(image.any(axis=1)), np.flatnonzero(image.any(axis=0))
+    # Largest values are found several times faster than whether there is any.
+    rows, columns = (np.flatnonzero(image.max(axis=axis) > 0.0) for axis in (1, 0))
     if not len(rows):
         return None
     low = float(columns[0]) / width, float(height - 1 - rows[-1]) / height
