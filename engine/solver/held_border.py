@@ -22,7 +22,8 @@ __all__ = ["shares_of_forces"]
 # Depths within the border, in spacings of the class, at which forces begin to count, and count wholly. Measured with 12 steps after
 # those that even out what was cut: the largest number at any distance from the border is 1.4 to 1.8 times even, as without these
 # steps, and the smallest spacing .62 to .81; with .6 and 1.2 up to 2.9 and .65 to .93. Forces count wholly around pairs that the cut
-# has left too close: of 48 scatters in discs of 2.5 % to a twentieth of the domain, the smallest spacing of all is .66 instead of .16.
+# has left too close: of 48 scatters in discs whose radius is 2.5, 5 and 20 % of the side, the smallest spacing of all is .66 instead
+# of .16.
 HELD = (1.0, 2.0)
 # Spacings of rare classes are no wider than this share of the domain.
 MOST_OF_DOMAIN = 0.1
