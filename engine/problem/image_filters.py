@@ -17,10 +17,13 @@ TRUNCATE = 4.0
 # samples have another spectrum than the Gaussian itself.
 LONGEST_DIRECT_REACH = 12
 # A sharpened value goes at most this share of the way to the smallest or the largest one around it, so far around over the radius of
-# the sharpening. Measured two pixels on the bright side of the strongest hundredth of the edges of five photographs: densities there
-# fall by 0.01 to 0.02 with this, by 0.02 to 0.04 with all of the way, by 0.07 to 0.1 without limits; twice as far around adds 0.005.
-SHARE_OF_RANGE = 0.45
-RANGE_OVER_RADIUS = 0.5
+# the sharpening. That is what makes edges steeper. At the foot of an edge it makes the halo: there what is around differs little, and
+# what is a few times as far around differs much. So all of the way is gone where the first range is at least the second of these
+# shares of the other, and none where it is less than the first. Measured two pixels on the bright side of the strongest hundredth of
+# the edges of nine photographs, with a radius of 2 and an amount of 1.5: densities there fall by up to 0.02, as far as 0.035 without
+# regard to what is farther around, by 0.07 to 0.1 without limits; edges are as steep as without that regard.
+SHARE_OF_RANGE, RANGE_OVER_RADIUS = 0.6, 0.34
+FARTHER_AROUND, FOOT_OF_EDGE = 3, (0.3, 0.8)
 # Bytes of the rows that are blurred at once: with their intermediate results they stay in a processor's cache.
 BLOCK_BYTES = 1 << 20
 # exp(-0.5 * x²) is below 1e-300 beyond, and x² must not overflow.
@@ -62,13 +65,24 @@ def unsharp_mask(image: np.ndarray, amount: float, radius: float, overshoot: flo
     image = np.asarray(image, dtype=np.float64)
     sharpened = image + amount * (image - gaussian_blur(image, radius))
     if overshoot < 1.0:
-        reach = math.ceil(RANGE_OVER_RADIUS * min(radius, max(image.shape)))
-        low, high = (image + SHARE_OF_RANGE * (end - image) for end in local_range(image, reach))
+        low, high = _limits(image, max(1, round(RANGE_OVER_RADIUS * min(radius, max(image.shape)))))
         within = np.clip(sharpened, low, high)
         sharpened = within + overshoot * (sharpened - within)
     # What only rounding puts below zero is no loss.
     negative = sharpened < -1e-9 * max(float(image.max()), 1e-300)
     return np.maximum(sharpened, 0.0), float(negative.mean())
+
+
+def _limits(image: np.ndarray, reach: int) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest value that a pixel may have when it is sharpened; see :data:`SHARE_OF_RANGE`."""
+    low, high = local_range(image, reach)
+    lowest, highest = local_range(image, FARTHER_AROUND * reach)
+    varies = highest > lowest
+    on_edge = np.divide(high - low, highest - lowest, out=np.zeros_like(image), where=varies)
+    none, whole = FOOT_OF_EDGE
+    share = np.clip((on_edge - none) / (whole - none), 0.0, 1.0)
+    share *= SHARE_OF_RANGE * share * (3.0 - 2.0 * share)
+    return image + share * (low - image), image + share * (high - image)
 
 
 def local_range(image: np.ndarray, reach: int) -> tuple[np.ndarray, np.ndarray]:

@@ -120,6 +120,17 @@ def test_the_local_range_is_scipys(shape, reach):
     np.testing.assert_array_equal(high, ndimage.maximum_filter(image, size, mode="nearest"))
 
 
+def test_rough_ground_beside_an_edge_does_not_become_its_halo():
+    """At the foot of an edge every pixel has a darker and a brighter one beside it, which is no part of the edge."""
+    x = np.arange(80) - 39.5
+    image = np.where(x < 0.0, 0.3, 0.9) + 0.1 * noise(200, 80)
+    foot = (unsharp_mask(image, 1.5, 2.0)[0] - image)[:, 36:38].mean()
+    plain = (unsharp_mask(image, 1.5, 2.0, overshoot=1.0)[0] - image)[:, 36:38].mean()
+    assert abs(foot) < 0.005 and plain < -0.05
+    # Far from the edge the ground itself is sharpened.
+    assert unsharp_mask(image, 1.5, 2.0)[0][:, :20].std() > 1.1 * image[:, :20].std()
+
+
 def test_sharpening_leaves_no_halos_and_makes_soft_edges_steeper():
     x = np.arange(80) - 39.5
     step = np.tile(np.where(x < 0.0, 0.3, 0.9), (9, 1))
