@@ -35,6 +35,7 @@ def connected_pixels(mask: np.ndarray) -> np.ndarray:
     begins = mask & ~np.pad(mask[:, :-1], ((0, 0), (1, 0)))
     run = np.cumsum(begins).reshape(mask.shape) - 1
     meets = mask[1:] & mask[:-1]
-    pairs = np.unique(np.stack([run[:-1][meets], run[1:][meets]], axis=1), axis=0)
-    label = connected(int(begins.sum()), pairs[:, 0], pairs[:, 1])
+    # Side by side, pixels above which there are others belong to the same two runs: the first of them says so.
+    meets[:, 1:] &= ~(meets[:, :-1])
+    label = connected(int(begins.sum()), run[:-1][meets], run[1:][meets])
     return np.where(mask, label[np.maximum(run, 0)], -1) if len(label) else np.full(mask.shape, -1)

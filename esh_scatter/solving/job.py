@@ -234,15 +234,16 @@ class ScatterJob:
             shapes_of_classes.append(shapes)
         self._shapes = [shape for shapes in shapes_of_classes for shape in shapes]
         obstacles: list[Obstacle] = []
-        if reading.obstacles and isinstance(self.chart, Chart):
-            obstacles = obstacles_in(reading.obstacles, self.chart, survey)
-        elif reading.obstacles:
-            assert isinstance(self.chart, WholeSurface)
+        if reading.obstacles and isinstance(self.chart, WholeSurface):
             free, obstacles = obstacles_on(reading.obstacles, self.chart, self._shapes, survey)
             values_of_classes = [values * free for values in values_of_classes]
+        classes = self._prepare_classes(reading, shapes_of_classes, values_of_classes)
+        if reading.obstacles and isinstance(self.chart, Chart):
+            keeping_off = [c for c in classes if isinstance(c, PreparedClass)]
+            obstacles = obstacles_in(reading.obstacles, self.chart, survey, keeping_off)
         self.problem = Problem(
             domain,
-            self._prepare_classes(reading, shapes_of_classes, values_of_classes),
+            classes,
             Balance(**values_of(self.settings, Balance)),
             **values_of(self.settings, SamplingSettings),
             obstacles=obstacles,

@@ -6,6 +6,7 @@ surface says :mod:`.obstacles_on_surface`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeAlias
@@ -14,8 +15,10 @@ import bpy
 import numpy as np
 
 from ...engine.errors import ProblemError
+from ...engine.problem.clumps import occupied
 from ...engine.problem.convex_polygon import convex_hull, width_of
 from ...engine.problem.obstacles import Obstacle
+from ...engine.problem.prepared_class import PreparedClass
 from ...engine.problem.settings import Settings, described, setting
 from ...engine.problem.validation import show
 from ...engine.surface.triangle_mesh import TriangleMesh
@@ -42,8 +45,10 @@ __all__ = [
     "read_obstacles",
 ]
 
-# Cells along the longer side of the rectangle that obstacles are drawn into.
-CELLS = 2048
+# Cells along the longer side of the rectangle that obstacles are drawn into, at most; at least a power of two that gives so many of
+# them to a body's spacing, as far as there are so many. Where few more bodies are wanted they stay as they are.
+CELLS, FEWEST_CELLS = 2048, 512
+CELLS_PER_SPACING = 24.0
 # Obstacles that are met by their outlines, at most: of more, each of which is small, an image is quicker and as good.
 MOST_CONVEX = 2000
 # A shape is convex where of its hull, so many cells along its longer side, it lacks no larger share.
@@ -220,7 +225,9 @@ def _read_result(item: bpy.types.Object) -> Stood:
     return Stood(stands.position[:, :2], stands.axes[:, :2, :2], variant, tuple(meshes), lying)
 
 
-def obstacles_in(obstacles: Sequence[StoredObstacle], chart: Chart, survey: Survey) -> list[Obstacle]:
+def obstacles_in(
+    obstacles: Sequence[StoredObstacle], chart: Chart, survey: Survey, classes: Sequence[PreparedClass]
+) -> list[Obstacle]:
     """Return obstacles as they lie in the rectangle of a chart; touches nothing of Blender.
 
     What is convex is met exactly as it is, by outlines of any shape; the rest is drawn into an image.
@@ -229,8 +236,10 @@ def obstacles_in(obstacles: Sequence[StoredObstacle], chart: Chart, survey: Surv
         obstacles: What was read.
         chart: Of the target.
         survey: Knows outlines.
+        classes: Of the bodies that are to keep off.
     """
-    cell = float(max(chart.size)) / CELLS
+    cells = _cells_for(chart.size, classes)
+    cell = float(max(chart.size)) / cells
     found: list[Obstacle] = []
     drawn: list[tuple[np.ndarray, float]] = []
     few = sum(len(o.shapes) + sum(len(stood.position) for stood in o.stood) for o in obstacles) <= MOST_CONVEX
@@ -252,8 +261,18 @@ def obstacles_in(obstacles: Sequence[StoredObstacle], chart: Chart, survey: Surv
         # What reaches across the border may meet what stands beyond it.
         beside = reach + BESIDE * float(max(chart.size))
         found += [_obstacle_of(c, obstacle.reach, reach) for c in near if _comes_upon(c, beside, chart.size)]
-    image = obstacle_image(drawn, chart.size)
+    image = obstacle_image(drawn, chart.size, cells)
     return found if image is None else [*found, image]
+
+
+def _cells_for(size: np.ndarray, classes: Sequence[PreparedClass]) -> int:
+    """How many cells obstacles are drawn into along the longer side of a rectangle of this size [m]."""
+    crowded = max(c.body_count / occupied(c.density_image) for c in classes)
+    wanted = CELLS_PER_SPACING * float(max(size)) * math.sqrt(crowded / float(np.prod(size)))
+    cells = FEWEST_CELLS
+    while cells < min(wanted, CELLS):
+        cells *= 2
+    return cells
 
 
 def _obstacle_of(corners: np.ndarray, margin: float, reach: float) -> Obstacle:
@@ -287,9 +306,9 @@ def _convex_corners(triangle: np.ndarray) -> np.ndarray | None:
     return hull if np.count_nonzero(full & ~own) <= MOST_LACKING * np.count_nonzero(full) else None
 
 
-def obstacle_image(drawn: Sequence[tuple[np.ndarray, float]], size: np.ndarray) -> Obstacle | None:
+def obstacle_image(drawn: Sequence[tuple[np.ndarray, float]], size: np.ndarray, cells: int = CELLS) -> Obstacle | None:
     """Draw triangles of a rectangle of this size [m] and what is as near to them as is said with them; None where that is nothing."""
-    cell = float(max(size)) / CELLS
+    cell = float(max(size)) / cells
     shape = int(max(1, round(float(size[1]) / cell))), int(max(1, round(float(size[0]) / cell)))
     image = np.zeros(shape, bool)
     for triangle, reach in drawn:

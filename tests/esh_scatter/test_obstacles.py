@@ -8,6 +8,7 @@ shapely = pytest.importorskip("shapely")
 
 import esh  # noqa: E402
 from esh import EshError, ScatterClass, ScatterObstacle, ScatterSize, scatter  # noqa: E402
+from esh.esh_scatter.solving.job import ScatterJob  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
 OPTIONS = {"device": "cpu", "max_steps": 30}
@@ -605,3 +606,18 @@ def test_a_later_scatter_makes_room_on_a_wall_for_the_one_before_and_for_what_wa
     assert all(nearest(two[side], one[side]) >= 0.0 for side in (-1, 1))
     assert min(a.distance(shapely.Point(place[1:])) for a in two[1]) > 0.2
     assert not second.outdated
+
+
+def test_obstacles_have_as_many_pixels_as_the_spacing_needs(ground, tree):
+    """Few objects do not pay for pixels that nobody sees; of many, and of few in a small spot, gaps are narrow."""
+
+    def cells(count, density=1.0):
+        classes = [ScatterClass("tree", [ScatterSize("s", count, tree)], density=density)]
+        job = ScatterJob(ground, classes, device="cpu", obstacles=[ScatterObstacle(path(), width=1.0)])
+        return max(obstacle.image.shape[0] for obstacle in job.problem.obstacles)
+
+    spot = np.zeros((40, 40), np.float32)
+    spot[3:6, 3:6] = 1.0
+    assert cells(300) == cells(310) == 512
+    assert cells(1500) == 1024 and cells(50_000) == 2048
+    assert cells(300, spot) == 2048
