@@ -32,6 +32,9 @@ from esh.esh_scatter.api import (  # noqa: E402
 )
 from esh.esh_scatter.classes.survey import Survey  # noqa: E402
 
+# All numbers are looked at before Blender hears of any.
+pytestmark = pytest.mark.once
+
 EXTREMES = (-1e300, 1e39, 2**31, 10**30)
 
 

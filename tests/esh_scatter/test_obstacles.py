@@ -271,6 +271,7 @@ def nearest(one, other):
     return -deep if deep else min(a.distance(b) for a, b in pairs)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("target", ["wall", "mirrored", "sheet", "walls"])
 def test_what_another_scatter_has_placed_on_a_wall_keeps_off_with_its_outlines(target):
     source = tile()
@@ -412,6 +413,7 @@ def shapes(kind):
 KINDS = ["box that stands on it", "rock that is sunk in", "path above", "path below", "curve", "empty"]
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("kind", KINDS)
 def test_other_obstacles_cover_what_of_a_whole_surface_is_near_them(floor, tree, kind):
     obstacle, ground = shapes(kind)

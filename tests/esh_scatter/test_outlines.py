@@ -20,6 +20,9 @@ from shapely.affinity import translate  # noqa: E402
 from shapely.geometry import MultiPoint, Polygon  # noqa: E402
 from shapely.strtree import STRtree  # noqa: E402
 
+# Blender gives triangles here; all that is looked at comes of these.
+pytestmark = pytest.mark.once
+
 # Share of the narrower one's width that two outlines may lie in each other.
 TOLERANCE = 1e-3
 
