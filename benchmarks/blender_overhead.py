@@ -42,15 +42,12 @@ NOT_MEASURED = Report(0, False, 0.0, "", 0.0, None, 0, 0.0, ())
 
 # What is timed, as functions of files of esh_scatter, none of which calls another.
 PHASES = {
-    "reading the mesh": [("target", "read_triangles"), ("target", "_read_normals")],
-    "chart": [("chart", "__init__")],
-    "image texture": [("densities", "_image_at")],
-    "vertex group": [("vertex_groups", "read_vertex_groups"), ("surface_points", "vertex_group")],
-    "attribute": [("target", "_read_attribute"), ("surface_points", "attribute")],
-    "lifting back through the chart": [("chart", "lift"), ("surface_points", "normal")],
-    "rotations": [("instances", "body_rotations"), ("api", "_draw_instances")],
-    "writing points and attributes": [("result", "_point_mesh")],
-    "node group": [("node_group", "build_node_group")],
+    "reading the mesh": [("targets", "read_targets")],
+    "chart": [("targets", "chart_of")],
+    "densities at its points": [("survey", "density")],
+    "classes": [("job", "_prepare_classes")],
+    "lifting back to the ground, rotations": [("result_points", "result_points")],
+    "writing points, attributes, node group": [("result", "write_result")],
 }
 
 
@@ -125,7 +122,7 @@ def seconds_of_phases(profile: cProfile.Profile) -> dict[str, float]:
     spent = {
         (Path(file).stem, name): cumulative
         for (file, _, name), (_, _, _, cumulative, _) in stats.stats.items()
-        if Path(file).parent.name in ("esh_scatter", "surface")
+        if Path(file).parent.parent.name == "esh_scatter"
     }
     phases = {phase: sum(spent[function] for function in functions) for phase, functions in PHASES.items()}
     return {**phases, "the rest": stats.total_tt - sum(phases.values()), "**together**": stats.total_tt}
