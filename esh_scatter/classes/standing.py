@@ -16,7 +16,7 @@ from ...engine.problem.scatter_settings import Standing
 from ...engine.problem.slopes import LEVEL, lengthened, slope_of_normal, tilts
 from ...engine.surface.instances import body_rotations, rotate
 
-__all__ = ["LOWEST", "Ground", "Stand", "draw", "stand", "turns_towards"]
+__all__ = ["LOWEST", "STEEPEST", "Ground", "Stand", "draw", "stand", "turns_towards"]
 
 # What touches the ground where it is not the origin.
 LOWEST = "lowest"

@@ -37,6 +37,7 @@ from ..classes.classes_from_above import ClassesFromAbove
 from ..classes.on_whole_surface import classes_on_surface
 from ..classes.scatter_class import ScatterClass, check_classes, color_of, direction_of, standing_of
 from ..classes.sources import SizeShape, SizeSource, SourceReader, measure_size
+from ..classes.standing import STEEPEST
 from ..classes.survey import Survey
 from ..densities.density_source import Density, DensityReader, Known, attribute_names
 from ..densities.image_density import stored_density
@@ -67,6 +68,13 @@ ROUNDED = (
 ASKED_BESIDE = ("name", "result", "obstacles", "pinned", "progress")
 # Of a surface that hides more than the other side of a solid, from above; steeper ground than 53 degrees all over does.
 LEAST_SEEN = 0.6
+# On a wall outlines lie along it, and say nothing of how high above them an object reaches that does not stand out from it. Noticed is
+# what is aligned less than this, of which more than such a share stands there.
+UPRIGHT, LEAST_ON_WALLS = 0.5, 0.02
+ON_WALLS = (
+    "{} stands upright on walls, along which outlines keep apart: the objects above these may still reach into each other, unless "
+    "they are aligned to the ground"
+)
 SEEN = 'seen from above, {} is {} as large as its surface; choose "Whole Surface" to cover all of it'
 
 
@@ -333,9 +341,24 @@ class ScatterJob:
         if isinstance(self.chart, Chart) and self.chart.share_of_facing < LEAST_SEEN:
             share = f"{self.chart.share_seen:.0%}"
             placement = _with_note(placement, SEEN.format(self.chart.view.mesh.name, share))
+        if upright := self._upright_on_walls(placement):
+            placement = _with_note(placement, ON_WALLS.format(upright))
         self._points = points
         self.placement = placement
         self._attributes = points, point_attributes(placement, points, self.classes, self.settings)
+
+    def _upright_on_walls(self, placement: Placement) -> str:
+        """Return the names of classes that keep apart on walls and stand upright there, in quotes."""
+        if placement.normal is None or not placement.problem.avoid_overlap:
+            return ""
+        on_wall = np.abs(placement.normal[:, 2]) < STEEPEST
+        found = []
+        for number, scatter_class in enumerate(self.classes):
+            own = on_wall[placement.class_index == number]
+            upright = standing_of(scatter_class, self.settings).align_to_normal < UPRIGHT
+            if upright and own.sum() > LEAST_ON_WALLS * len(own):
+                found.append(f'"{scatter_class.name}"')
+        return ", ".join(found)
 
     def start_of(self, places: KeptPlaces) -> dict[str, Any]:
         """Return where the bodies of a result are, as :meth:`~esh.engine.solver.solver.Solver.start_at` takes them; in any thread.

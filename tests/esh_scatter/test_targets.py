@@ -106,6 +106,19 @@ def test_objects_stand_upright_or_along_the_normal_or_between():
         np.testing.assert_allclose(leaning, (1.0 - align) * slope, atol=2e-3)
 
 
+def test_what_stands_upright_on_walls_is_told_since_it_may_reach_into_others():
+    ball, plane, one = added("ico_sphere", subdivisions=3), added("plane", size=4.0), chip()
+
+    def told(target, **options):
+        report = scatter(target, classes(200, one), surface="whole", **{**OPTIONS, **options}).report
+        return [note for note in report.notes if "upright on walls" in note]
+
+    (note,) = told(ball, align_to_normal=0.0)
+    assert note.startswith('"chip" ')
+    assert not told(ball, align_to_normal=1.0) and not told(plane, align_to_normal=0.0)
+    assert not told(ball, align_to_normal=0.0, avoid_overlap=False)
+
+
 def test_what_looks_straight_down_is_turned_over():
     box, one = added("cube", size=2.0), chip()
     result = scatter(box, classes(120, one), surface="whole", random_turn=0.0, **OPTIONS)
