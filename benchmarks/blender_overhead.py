@@ -31,6 +31,7 @@ from esh.esh_scatter.api import (
     VertexGroupDensity,
     scatter,
 )
+from esh.esh_scatter.classes.survey import Survey
 
 # Meters and vertices along a side of the target, and pixels along a side of the texture.
 SIDE = 64.0
@@ -137,7 +138,7 @@ def measure(bodies: int, repeat: int) -> dict[str, float]:
     # Once more than is counted: kernels are compiled and caches filled.
     for _ in range(repeat + 1):
         profile = cProfile.Profile()
-        job = profile.runcall(ScatterJob, target, classes)
+        job = profile.runcall(ScatterJob, target, classes, survey=Survey())
         placement = job.placement = placement or unsolved(job.problem)
         item = profile.runcall(job.write).object
         start = time.perf_counter()

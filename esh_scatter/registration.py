@@ -5,6 +5,7 @@ import atexit
 import bpy
 
 from . import operators, versions
+from .classes import lent_survey
 from .editing import dropped_presets, forecast, painting
 from .operators import exchange as exchange_operators
 from .properties import body_class, layer, obstacle, placed, scatter, scene, size
@@ -55,6 +56,7 @@ def unregister() -> None:
     live.end(wait=True)
     running.end(wait=True)
     forecast.detach()
+    lent_survey.detach()
     menus.detach()
     exchange_operators.detach()
     dropped_presets.detach()

@@ -61,6 +61,10 @@ class Survey:
         """What the target's mesh is, in short."""
         return None if self._chart is None else self._chart[0]
 
+    def forget_domain(self) -> None:
+        """Let the next :meth:`domain` be as large as its chart, however little larger it is than the last one."""
+        self._domain = None
+
     def domain(self, chart: Chart | WholeSurface, settings: BorderSettings) -> Domain | Surface:
         """Return where bodies lie: the rectangle of a chart, that of the one before where they differ by rounding only."""
         if isinstance(chart, WholeSurface):

@@ -6,7 +6,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -34,6 +34,7 @@ from ...engine.surface.instances import Instances
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ...engine.surface.whole_surface import WholeSurface
 from ..classes.classes_from_above import ClassesFromAbove
+from ..classes.lent_survey import lent_survey
 from ..classes.on_whole_surface import classes_on_surface
 from ..classes.scatter_class import ScatterClass, check_classes, color_of, direction_of, standing_of
 from ..classes.sources import SizeShape, SizeSource, SourceReader, measure_size
@@ -126,7 +127,7 @@ class ScatterJob:
 
     Args:
         prepare: Whether to prepare the problem at once. Otherwise that is left to :meth:`prepare`, which may raise what is wrong.
-        survey: Of earlier jobs, to use again what they have worked out.
+        survey: What earlier jobs have worked out, to be used again; None for that of the last run.
 
     Attributes:
         settings: How it is made.
@@ -223,9 +224,15 @@ class ScatterJob:
         Raises:
             EshError: Something asked for has no meaning.
         """
-        reading, survey = self._reading, self.survey or Survey()
-        if reading is None:
+        if self._reading is None:
             return
+        with nullcontext(self.survey) if self.survey is not None else lent_survey() as survey:
+            self._work_out(self._reading, survey)
+        # Pixels and meshes may be large.
+        self._reading = None
+
+    def _work_out(self, reading: _Reading, survey: Survey) -> None:
+        """Set the problem, and what objects are from above or along the surface, by what was read."""
         self.chart = survey.begin(reading.target, self.settings)
         domain = survey.domain(self.chart, self.settings)
         names = [scatter_class.name for scatter_class in self.classes]
@@ -258,8 +265,6 @@ class ScatterJob:
             fixed=self._fixed(reading),
             include_fixed=True,
         )
-        # Pixels and meshes may be large.
-        self._reading = None
 
     def _prepare_classes(
         self, reading: _Reading, shapes: Sequence[Sequence[SizeShape]], values: Sequence[np.ndarray]

@@ -15,7 +15,7 @@ from esh.esh_scatter.api import (  # noqa: E402
     ScatterSize,
     VertexGroupDensity,
 )
-from esh.esh_scatter.classes import survey  # noqa: E402
+from esh.esh_scatter.classes import lent_survey, survey  # noqa: E402
 from esh.esh_scatter.classes.survey import Survey  # noqa: E402
 from esh.esh_scatter.densities.density_source import DensityReader  # noqa: E402
 
@@ -106,7 +106,7 @@ def test_only_what_changed_is_worked_out_again(ground, tree, monkeypatch):
         asked.update(dict.fromkeys(asked, 0))
         densities = ImageDensity(image), VertexGroupDensity("here"), ImageDensity(image, mapping="UV")
         job = ScatterJob(ground, classes(tree, *densities), survey=kept, **OPTIONS)
-        fresh = ScatterJob(ground, classes(tree, *densities), **OPTIONS)
+        fresh = ScatterJob(ground, classes(tree, *densities), survey=Survey(), **OPTIONS)
         for mine, its in zip(job.problem.classes, fresh.problem.classes, strict=True):
             np.testing.assert_array_equal(mine.density_image, its.density_image)
         # Less what the fresh one asked for.
@@ -138,3 +138,39 @@ def test_a_target_that_was_moved_has_the_same_rectangle(ground, tree):
     ground.scale.x = 1.1
     bpy.context.view_layer.update()
     assert ScatterJob(ground, classes(tree, 1.0), survey=kept, **OPTIONS).problem.domain.size[0] == pytest.approx(22.0)
+
+
+def test_the_next_run_uses_what_the_last_one_worked_out(ground, tree, monkeypatch):
+    lent_survey.detach()
+    called = []
+    for name in ("chart_of", "outline_of"):
+        made = getattr(survey, name)
+        monkeypatch.setattr(survey, name, lambda *given, made=made, name=name: called.append(name) or made(*given))
+    picture = ramp()
+
+    def run():
+        job = ScatterJob(ground, classes(tree, ImageDensity(picture), 1.0), **OPTIONS)
+        job.solve()
+        return job.placement.position.tobytes()
+
+    first = run()
+    assert called == ["chart_of", "outline_of"]
+    assert run() == first and called == ["chart_of", "outline_of"]
+    # What was changed is worked out again, and comes to the same as if nothing had been there before.
+    tree.data.vertices[0].co.x += 0.1
+    ground.data.vertices[0].co.z += 0.5
+    changed = run()
+    assert called == 2 * ["chart_of", "outline_of"] and changed != first
+    lent_survey.detach()
+    assert run() == changed and called == 3 * ["chart_of", "outline_of"]
+
+
+def test_a_survey_is_lent_to_one_at_a_time():
+    lent_survey.detach()
+    with lent_survey.lent_survey() as one, lent_survey.lent_survey() as other:
+        assert one is not other
+    with pytest.raises(ValueError, match="anything"), lent_survey.lent_survey() as again:
+        assert again is one
+        raise ValueError("anything")
+    with lent_survey.lent_survey() as last:
+        assert last is one
