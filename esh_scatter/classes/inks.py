@@ -11,6 +11,7 @@ from ...engine.errors import ProblemError
 from ...engine.problem.color_separation import MODELS, Ink, separate
 from ...engine.surface.chart import Chart
 from ..densities.image_pixels import image_pixels
+from .flat_objects import lift_for
 from .stand_ins import colored_material
 
 __all__ = ["add_ink_classes"]
@@ -50,12 +51,15 @@ def add_ink_classes(
     # Lists of names are separated by commas.
     stem = image.name.replace(",", " ")
     names: dict[int, str] = {}
+    # Dots of several inks lie on each other: each ink in a plane of its own, the first of them off the ground.
+    lift = lift_for(2.0 * math.sqrt(dot_area / math.pi), 0.0)
     for index in np.flatnonzero(counts).tolist():
         ink = found.inks[index]
         body_class = scatter.add_class()
         body_class.name = f"{stem} {ink.name}"
         names[index] = body_class.name
         body_class.color = ink.rgb
+        body_class.offset = len(names) * lift
         body_class.add_layer("IMAGE", image=_channel_image(f"{image.name} {ink.name}", channels[index]))
         size = body_class.sizes[0]
         size.name = "Dot"

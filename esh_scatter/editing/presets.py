@@ -186,6 +186,7 @@ def _fill(
     measured = [] if source is None else measure([source], bpy.context)[0]
     if measured:
         body_class.stand_on = measured[0].stand_on
+        body_class.offset = body_class.offset or measured[0].lift
     if cover and body_class.count_kind == "SIZES":
         if source is not None:
             count = min(MOST, math.ceil(cover * ground / measured[0].taken)) if measured else 1

@@ -15,6 +15,7 @@ from ...engine.problem.footprint import Footprint
 from ...engine.problem.scatter_settings import TargetSettings
 from ...engine.surface.chart import Chart
 from ...engine.surface.whole_surface import WholeSurface
+from ..classes.flat_objects import lift_for
 from ..classes.object_outline import outline_of, read_source
 from ..classes.survey import Survey
 from ..targets.references import Reference
@@ -49,6 +50,7 @@ class Measured(NamedTuple):
         taken: Ground that others are kept off [m²]: with the inside of a ring, and what lies between letters.
         upright: Whether it is taller than it is wide, as a tree is and a plank is not.
         stand_on: What of it touches the ground: its lowest point where its origin is in the middle of it, or else the origin.
+        lift: How far it is to lie above the ground, because it has no thickness [m].
     """
 
     item: bpy.types.Object | bpy.types.Collection
@@ -56,6 +58,7 @@ class Measured(NamedTuple):
     taken: float
     upright: bool
     stand_on: str
+    lift: float
 
 
 def measure(
@@ -88,7 +91,8 @@ def _measured(item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh,
     # Cards with grass on them stand, however wide they are.
     stands = outline.is_around or height > max(outline.length, outline.width)
     taken = outline.area if outline.is_around else Footprint.polygon(outline.corners).area
-    return Measured(item, outline.area, taken, stands, _stand_on(item, mesh, bpy.context))
+    lift = 0.0 if stands else lift_for(float(np.ptp(mesh.position[:, :2], axis=0).max()), height)
+    return Measured(item, outline.area, taken, stands, _stand_on(item, mesh, bpy.context), lift)
 
 
 class SelectionSurvey:
@@ -244,6 +248,6 @@ def add_classes(scatter: ESH_PG_scatter, measured: Sequence[Measured], counts: S
         size.place(one.item)
         # Trees stand upright; what lies, lies on the slope.
         body_class.align_to_normal = 0.0 if one.upright else 1.0
-        body_class.stand_on = one.stand_on
+        body_class.stand_on, body_class.offset = one.stand_on, one.lift
         made.append(body_class)
     return made

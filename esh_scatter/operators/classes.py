@@ -11,6 +11,7 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
+from ..classes.flat_objects import lift_of_class
 from ..editing.class_copy import CLASS_PARTS, copy_class
 from ..properties.body_class import ESH_PG_class
 from ..properties.names import unused_name
@@ -42,6 +43,26 @@ class ESH_OT_class_remove(ClassEdit):
         """Remove it."""
         scatter = selected_scatter(context)
         scatter.remove_class(scatter.class_index)
+        return {"FINISHED"}
+
+
+class ESH_OT_class_lift(ClassEdit):
+    """Lift the flat objects of the selected class a little off the ground, so that it does not show through them. Rotation and Scale has the Offset"""  # noqa: E501
+
+    bl_idname = "esh.class_lift"
+    bl_label = "Lift off the Ground"
+    _missing = "Select a class of flat objects that lie in the ground"
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        scatter = active_scatter(context)
+        body_class = scatter and scatter.active_class
+        return (body_class and lift_of_class(body_class)) or None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Lift them; the result shows it at once."""
+        body_class = selected_class(context)
+        body_class.offset = lift_of_class(body_class)
         return {"FINISHED"}
 
 
@@ -191,5 +212,6 @@ CLASSES = (
     ESH_OT_class_copy,
     ESH_OT_class_overlap,
     ESH_OT_class_remove,
+    ESH_OT_class_lift,
     ESH_OT_class_move,
 )

@@ -43,6 +43,10 @@ def test_one_class_per_ink_with_its_channel_and_counts(scatter_settings, model):
         assert abs(body_class.count - 1000 * channel.mean()) <= 0.5
         assert tuple(body_class.color) == pytest.approx(ink.rgb)
         assert body_class.sizes[0].area == pytest.approx(0.4)
+    heights = [c.offset for c in scatter_settings.classes]
+    assert heights[0] > 0.0 and np.all(np.diff(heights) > 0.5 * heights[0]), (
+        "no two inks are in one plane, or in the ground's"
+    )
     matrix = scatter_settings.non_overlap()
     np.testing.assert_array_equal(np.ones((len(names),) * 2) if matrix is None else matrix, MODELS[model].non_overlap)
 

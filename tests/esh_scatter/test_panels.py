@@ -125,7 +125,7 @@ def shown_context(width: int = 300) -> SimpleNamespace:
     preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0), ui_styles=bpy.context.preferences.ui_styles)
     region = SimpleNamespace(width=width)
     context = bpy.context
-    shown = {"scene": context.scene, "view_layer": context.view_layer, "mode": context.mode}
+    shown = {"scene": context.scene, "view_layer": context.view_layer, "mode": context.mode, "space_data": None}
     return SimpleNamespace(**shown, preferences=preferences, region=region)
 
 
@@ -401,6 +401,13 @@ def test_rows_show_what_is_placed_where_there_is_room():
     assert "Tree" not in draw_all(300) and {"1.5 m apart", "show_viewport"} <= set(draw_all(300))
     narrow = draw_all(250)
     assert {"1.5 m apart", "mute"} <= set(narrow) and "show_viewport" not in narrow, "the name has that room"
+
+
+def test_flat_objects_in_the_ground_are_told_of():
+    scatter = ready_scatter()
+    assert "esh.class_lift" in draw_all(), "what is placed there is a square"
+    scatter.classes[0].offset = 0.1
+    assert "esh.class_lift" not in draw_all()
 
 
 class Named(Layout):

@@ -127,6 +127,42 @@ def test_what_has_its_origin_in_its_middle_stands_on_its_lowest_point(ground, ob
     assert heights == {below if stand_on == "LOWEST" else 0.0}
 
 
+def heights_above(ground, name):
+    """Return how high the points of a class are above the flat ground."""
+    scatter = bpy.context.scene.esh_scatter.active
+    mesh = scatter.result.data
+    number = [c.name for c in scatter.classes].index(name)
+    of = np.array([one.value for one in mesh.attributes["class_index"].data])
+    return np.array([vertex.co.z for vertex in mesh.vertices])[of == number] - ground.location.z
+
+
+def test_what_is_flat_lies_a_little_above_the_ground_and_all_else_on_it(ground, objects):
+    leaf, card = box("Leaf", 0.4, 0.2, 0.0), box("Card", 0.4, 0.2, 0.0)
+    card.rotation_euler.x = 0.5 * math.pi
+    bpy.context.view_layer.update()
+    select(*objects, leaf, card, ground, active=ground)
+    bpy.ops.esh.scatter_selection()
+    offsets = {c.name: c.offset for c in bpy.context.scene.esh_scatter.active.classes}
+    assert offsets.pop("Leaf") == pytest.approx(0.008) and not any(offsets.values())
+    assert heights_above(ground, "Leaf") == pytest.approx(0.008, abs=1e-5)
+    assert heights_above(ground, "Log") == pytest.approx(0.0, abs=1e-5)
+
+
+def test_of_flat_objects_that_were_chosen_by_hand_it_is_said_and_one_click_lifts_them(scatter):
+    body_class = scatter.classes[scatter.class_index]
+    size = body_class.sizes[0]
+    assert not bpy.ops.esh.class_lift.poll(), "a log is thick"
+    size.source_object = box("Leaf", 0.4, 0.2, 0.0)
+    bpy.context.view_layer.update()
+    body_class.scale = 2.0
+    assert bpy.ops.esh.class_lift() == {"FINISHED"} and body_class.offset == pytest.approx(0.016)
+    assert not bpy.ops.esh.class_lift.poll(), "once is enough"
+    body_class.offset, body_class.scale = 0.0, 1.0
+    size.area_kind, size.area = "VALUE", 0.02
+    bpy.ops.esh.class_lift()
+    assert body_class.offset == pytest.approx(0.004), "of a quarter of the ground, half as long"
+
+
 def test_cover_most_mixing_and_seed_can_be_tuned(ground, objects):
     select(*objects, ground, active=ground)
     bpy.ops.esh.scatter_selection(cover=0.05, most=60, class_separation=0.9, boundary="OPEN", seed=5)

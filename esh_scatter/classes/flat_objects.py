@@ -1,0 +1,62 @@
+"""Objects without thickness: they lie in the ground's own plane, where both show through each other in patches that flicker."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..targets.target import shown_collection, world_matrix
+
+__all__ = ["lift_for", "lift_of_class"]
+
+# What is thinner than this share of its longer side has no thickness.
+FLAT = 1e-3
+# How far it is lifted, as a share of its longer side: as much as a hill bends away below a leaf, and too little for a gap to be seen.
+LIFT = 0.02
+
+
+def lift_for(length: float, thickness: float) -> float:
+    """Return how far above the ground an object is to lie, so that it shows whole; 0 where it is thick enough [m].
+
+    Args:
+        length: Its longer side, seen from above [m].
+        thickness: Its height [m].
+    """
+    return LIFT * length if thickness < FLAT * length else 0.0
+
+
+def lift_of_class(body_class: Any) -> float:
+    """Return how far the objects of a class are to be lifted [m]; 0 where none is flat, or where they are off the ground already.
+
+    Collections that are placed as one are not looked into: this is asked whenever the sidebar is drawn.
+    """
+    if body_class.offset:
+        return 0.0
+    lifts = (_lift_of_size(size) for size in body_class.sizes if size.source is not None)
+    return float(body_class.scale) * max(lifts, default=0.0)
+
+
+def _lift_of_size(size: Any) -> float:
+    items = {"OBJECT": [size.source], "COLLECTION": size.choices()[0]}.get(size.source_kind, ())
+    extents = [_extent_as_placed(item) for item in items if shown_collection(item) is None]
+    if size.area_kind != "MESH":
+        # They are as large as it takes to cover this.
+        area = size.area if size.area_kind == "VALUE" else size.area_largest
+        extents = [_fitted(extent, area) for extent in extents]
+    return max((lift_for(float(extent[:2].max()), float(extent[2])) for extent in extents), default=0.0)
+
+
+def _fitted(extent: np.ndarray, area: float) -> np.ndarray:
+    covered = float(extent[0] * extent[1])
+    fitted: np.ndarray = extent * math.sqrt(area / covered) if covered > 0.0 else extent
+    return fitted
+
+
+def _extent_as_placed(item: bpy.types.Object) -> np.ndarray:
+    """Return how long, wide and high an object is as it stands [m], shape ``[3]``."""
+    corners = np.array(item.bound_box) @ world_matrix(item, bpy.context)[:3, :3].T
+    extent: np.ndarray = np.ptp(corners, axis=0)
+    return extent
