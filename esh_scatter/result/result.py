@@ -10,6 +10,7 @@ import numpy as np
 from ..classes.node_tree import remove_group
 from ..targets.target import RESULT_TAG, RESULT_TARGET, is_result
 from .display import get_inputs, our_modifier, set_inputs
+from .local_views import join_local_views
 from .node_group import (
     HIDE_RENDER,
     HIDE_VIEWPORT,
@@ -119,6 +120,7 @@ def write_result(
                 scene.collection.objects.unlink(earlier)
         item = bpy.data.objects.new(name, mesh)
         scene.collection.objects.link(item)
+        join_local_views(scene, item, target)
     else:
         item = replaced
         _set_points(item, name, position, attributes)

@@ -14,6 +14,7 @@ from ..properties.scatter import BY_HAND, ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import real_objects, words
 from ..result.display import get_inputs, input_property, our_modifier
+from ..result.local_views import is_left_out
 from ..result.refused import NOT_SEEN
 from ..result.result import is_shared
 from ..solving import live, running
@@ -102,6 +103,8 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
             layout.operator("object.mode_set", text="Done Painting", icon="CHECKMARK").mode = "OBJECT"
         with asked_once():
             _draw_status(context, layout.column(align=True), scatter)
+        if result is not None and is_left_out(result, context):
+            write_text(context, layout, "The result is not in this local view; View > Local View ends it", icon="INFO")
         _draw_foreign(context, layout.column(), context.scene.esh_scatter.scatters)
         if checksums.is_old():
             running.redraw_later()

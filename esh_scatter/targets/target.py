@@ -24,6 +24,7 @@ __all__ = [
     "head_of",
     "is_mirrored",
     "is_result",
+    "is_shown_in",
     "members_of",
     "origin_of",
     "put_offset",
@@ -171,10 +172,18 @@ def check_target(target: object, context: bpy.types.Context) -> bpy.types.Object
     if layer is None or layer.objects.get(target.name) != target:
         where = f'"{layer.name}" of scene "{context.scene.name}"' if layer else "of the scene"
         raise ProblemError(f"{name} must be in the view layer {where}; link it to a collection that is not excluded")
-    if not target.visible_get(view_layer=layer):
+    if not is_shown_in(layer, target):
         # Hidden, it is not evaluated: it may stand where it was when it was last seen.
         raise ProblemError(f"{name} must be visible in the viewport; Blender does not evaluate it while it is hidden")
     return target
+
+
+def is_shown_in(layer: bpy.types.ViewLayer, item: bpy.types.Object) -> bool:
+    """Tell whether a view layer shows an object, so that Blender evaluates it; in a local view of others it does so all the same."""
+    # Asked within a viewport, Blender answers for that one, which may be in such a view, or show no meshes.
+    with bpy.context.temp_override(area=None):
+        shown: bool = item.visible_get(view_layer=layer)
+    return shown
 
 
 def read_target(target: bpy.types.Object, context: bpy.types.Context, names: set[str]) -> TriangleMesh:

@@ -17,7 +17,7 @@ from ...engine.surface.surface_points import SurfacePoints
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ...engine.surface.whole_surface import WholeSurface
 from .references import Reference
-from .target import check_exists, check_target, is_mirrored, is_result, read_target
+from .target import check_exists, check_target, is_mirrored, is_result, is_shown_in, read_target
 
 __all__ = ["Target", "Targets", "chart_of", "check_targets", "read_targets", "stuck_attributes"]
 
@@ -71,7 +71,7 @@ def check_targets(
         layer = context.view_layer
         if layer is not None:
             layer.update()
-            members = [item for item in members if item.visible_get(view_layer=layer)]
+            members = [item for item in members if is_shown_in(layer, item)]
         if not members:
             raise ProblemError(
                 f'target collection "{target.name}" must hold mesh objects that are visible; it has none'

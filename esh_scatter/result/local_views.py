@@ -1,0 +1,41 @@
+"""Local views, in which a viewport shows only some objects: a new result is in those that show its ground."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+
+from ..targets.target import members_of
+
+__all__ = ["is_left_out", "join_local_views"]
+
+
+def join_local_views(
+    scene: bpy.types.Scene, item: bpy.types.Object, ground: bpy.types.Object | bpy.types.Collection | None
+) -> None:
+    """Show a new object in every local view of a scene that shows what it stands on, and in no other.
+
+    What is linked by a script is in all local views of some Blenders, and in none of others.
+    """
+    for space, view_layer in _local_views(scene):
+        # Until then, what is new is not in the layer's list.
+        view_layer.update()
+        shown = (one for one in members_of(ground) if view_layer.objects.get(one.name) == one)
+        if view_layer.objects.get(item.name) == item:
+            item.local_view_set(space, any(one.local_view_get(space) for one in shown))
+
+
+def is_left_out(item: bpy.types.Object, context: bpy.types.Context) -> bool:
+    """Tell whether the viewport is in a local view that does not show an object."""
+    space = context.space_data
+    local = isinstance(space, bpy.types.SpaceView3D) and space.local_view is not None
+    return local and context.view_layer.objects.get(item.name) == item and not item.local_view_get(space)
+
+
+def _local_views(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.SpaceView3D, bpy.types.ViewLayer]]:
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas if window.scene == scene else ():
+            space = area.spaces.active
+            if area.type == "VIEW_3D" and space.local_view is not None:
+                yield space, window.view_layer
