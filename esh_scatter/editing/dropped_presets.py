@@ -72,15 +72,20 @@ def take_dropped(context: bpy.types.Context) -> list[str]:
         ground.modifiers.remove(modifier)
         if not group.users or (group.users == 1 and group.use_fake_user):
             bpy.data.node_groups.remove(group)
-        add_preset(context, text, name, ground)
+        held = add_preset(context, text, name, ground)
+        if held:
+            _say(held, "There Are Fewer Objects", "INFO")
         made.append(name)
     return made
 
 
 def add_preset(
     context: bpy.types.Context, text: str, name: str, ground: bpy.types.Object | bpy.types.Collection
-) -> None:
+) -> str:
     """Add a scatter with a preset, given as its text, on a mesh or a collection; selected objects take the places of its classes.
+
+    Returns:
+        Which counts are held, as a sentence; empty where none is.
 
     Raises:
         EshError: It is no preset that can be applied. Nothing was added.
@@ -90,7 +95,7 @@ def add_preset(
 
     preset = parse_preset(text, name)
     chosen = selected_for_preset(context, ground)
-    add_scatter_of_preset(context.scene.esh_scatter, preset, ground, chosen)
+    return add_scatter_of_preset(context.scene.esh_scatter, preset, ground, chosen).held
 
 
 def _scatter() -> None:
@@ -106,12 +111,12 @@ def _scatter() -> None:
             bpy.ops.esh.scatter("INVOKE_DEFAULT")
 
 
-def _say(text: str) -> None:
+def _say(text: str, title: str = "The Preset Cannot Be Used", icon: str = "ERROR") -> None:
     def draw(popup: bpy.types.UIPopupMenu, _context: bpy.types.Context) -> None:
         popup.layout.label(text=text)
 
     if not bpy.app.background:
-        bpy.context.window_manager.popup_menu(draw, title="The Preset Cannot Be Used", icon="ERROR")
+        bpy.context.window_manager.popup_menu(draw, title=title, icon=icon)
 
 
 def attach() -> None:

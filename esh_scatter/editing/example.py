@@ -33,7 +33,7 @@ def add_example(context: bpy.types.Context) -> Any:
         item.select_set(False)
     ground.select_set(True)
     context.view_layer.objects.active = ground
-    return add_scatter_of_preset(context.scene.esh_scatter, preset, ground)
+    return add_scatter_of_preset(context.scene.esh_scatter, preset, ground).scatter
 
 
 def remove_example(scatter: Any) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 from mathutils import Matrix
@@ -19,7 +19,7 @@ from .amount_ahead import area_of
 from .families import as_placed, heads_in
 from .selection import measure
 
-__all__ = ["add_scatter_of_preset", "apply_preset", "preset_of", "selected_for_preset"]
+__all__ = ["Added", "add_scatter_of_preset", "apply_preset", "preset_of", "selected_for_preset"]
 
 # At most so many objects of a class: small ones that somebody has chosen could be without end.
 MOST = 20_000
@@ -38,13 +38,25 @@ _PLAIN = {"BOOLEAN", "INT", "FLOAT", "ENUM", "STRING"}
 _NOISE_SIZE = "noise_size"
 
 
+class Added(NamedTuple):
+    """What was made with a preset.
+
+    Attributes:
+        scatter: The settings.
+        held: Which classes have fewer objects than it takes to cover what the preset says, as a sentence; empty where none has.
+    """
+
+    scatter: Any
+    held: str
+
+
 def add_scatter_of_preset(
     settings: Any,
     preset: Mapping[str, Any],
     ground: bpy.types.Object | bpy.types.Collection,
     chosen: Sequence[bpy.types.Object | bpy.types.Collection] = (),
-) -> Any:
-    """Add a scatter with the settings and classes of a preset to those of a scene, and return it.
+) -> Added:
+    """Add a scatter with the settings and classes of a preset to those of a scene.
 
     Args:
         settings: Of the scene.
@@ -60,14 +72,22 @@ def add_scatter_of_preset(
     try:
         scatter.name = str(preset.get("name") or scatter.name)
         free = max((1.0 - _share_taken(scatter)) * sum(map(area_of, scatter.targets)), 1e-6)
-        apply_preset(scatter, preset, free, chosen)
+        wanted = apply_preset(scatter, preset, free, chosen)
         if scatter.other_results():
             _fit_beside_others(scatter, free, chosen)
     except EshError:
         settings.scatters.remove(len(settings.scatters) - 1)
         settings.scatter_index = before
         raise
-    return scatter
+    return Added(scatter, _held(scatter, wanted))
+
+
+def _held(scatter: Any, wanted: Mapping[int, int]) -> str:
+    """Say of which classes the number is held; ``wanted`` is how many each would take, by its place among them."""
+    classes = ((scatter.classes[number], most) for number, most in wanted.items())
+    # Beside others, there may be no room for so many in any case.
+    held = [f"{one.name} ({most:,} would cover what the preset says)" for one, most in classes if one.count == MOST]
+    return f"Held at {MOST:,}: {', '.join(held)}. For more, raise Count" if held else ""
 
 
 def selected_for_preset(
@@ -125,7 +145,7 @@ def apply_preset(
     preset: Mapping[str, Any],
     ground: float,
     chosen: Sequence[bpy.types.Object | bpy.types.Collection] = (),
-) -> None:
+) -> dict[int, int]:
     """Give a scatter the settings and classes of a preset; simple shapes stand in for objects.
 
     Args:
@@ -133,6 +153,9 @@ def apply_preset(
         preset: As :func:`~esh.esh_scatter.editing.preset_files.read_preset` returns it.
         ground: Area of the target [m²].
         chosen: Objects for the classes, in their order, as far as there are any.
+
+    Returns:
+        How many it would take of classes that have fewer, by their places in the preset.
 
     Raises:
         ProblemError: A setting that is not known, or a value that it cannot have.
@@ -145,16 +168,21 @@ def apply_preset(
         body_class.name = one["name"].replace(",", " ")
         body_class.color = one.get("color", body_class.color[:])
         made.append(body_class)
+    held = {}
     # Adding to a list moves what is in it.
     for number, one in enumerate(preset["classes"]):
         body_class = scatter.classes[len(scatter.classes) - len(made) + number]
-        _fill(body_class, one, ground, chosen[number] if number < len(chosen) else None)
+        wanted = _fill(body_class, one, ground, chosen[number] if number < len(chosen) else None)
+        if wanted > MOST:
+            held[number] = wanted
     scatter.class_index = 0
+    return held
 
 
 def _fill(
     body_class: Any, one: Mapping[str, Any], ground: float, source: bpy.types.Object | bpy.types.Collection | None
-) -> None:
+) -> int:
+    """Give a class its settings, and return how many objects it would take to cover what the preset says; 0 where it says a count."""
     where = f'class "{one["name"]}"'
     _set(body_class, one.get("settings", {}), f"settings of {where}", _NOT_OF_CLASSES)
     body_class.may_overlap = ", ".join(one.get("may_overlap", ()))
@@ -187,10 +215,14 @@ def _fill(
     if measured:
         body_class.stand_on = measured[0].stand_on
         body_class.offset = body_class.offset or measured[0].lift
-    if cover and body_class.count_kind == "SIZES":
-        if source is not None:
-            count = min(MOST, math.ceil(cover * ground / measured[0].taken)) if measured else 1
-        body_class.sizes[0].count = max(1, round(count))
+    if not cover or body_class.count_kind != "SIZES":
+        return 0
+    wanted = 0
+    if source is not None:
+        wanted = math.ceil(cover * ground / measured[0].taken) if measured else 1
+        count = min(MOST, wanted)
+    body_class.sizes[0].count = max(1, round(count))
+    return wanted
 
 
 def _add_layer(body_class: Any, values: Mapping[str, Any], ground: float, where: str) -> None:

@@ -182,10 +182,12 @@ class ESH_OT_preset_from_asset(Edit):
             if given[0].file and group.library is None:
                 # Only its text counts.
                 bpy.data.node_groups.remove(group)
-            add_preset(context, text, given[0].name, ground)
+            held = add_preset(context, text, given[0].name, ground)
         except EshError as error:
             self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}
+        if held:
+            self.report({"WARNING"}, held)
         return {"FINISHED"}
 
 

@@ -33,10 +33,12 @@ class _Preset(Edit):
         assert ground is not None
         chosen = selected_for_preset(context, ground)
         try:
-            add_scatter_of_preset(context.scene.esh_scatter, read_preset(path), ground, chosen)
+            added = add_scatter_of_preset(context.scene.esh_scatter, read_preset(path), ground, chosen)
         except EshError as error:
             self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}
+        if added.held:
+            self.report({"WARNING"}, added.held)
         return {"FINISHED"}
 
 

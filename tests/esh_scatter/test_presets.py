@@ -72,7 +72,7 @@ def test_a_preset_is_as_large_as_its_ground(ground, width):
     assert all(salami.source_object not in list(scene.objects) for scene in bpy.data.scenes), "only its instances show"
 
 
-def test_selected_objects_take_the_places_of_the_classes(ground):
+def test_selected_objects_take_the_places_of_the_classes(ground, capfd):
     tree, bush = new_object("A tree", 2.0), new_object("B bush", 0.02)
     for item in (tree, bush, ground):
         item.select_set(True)
@@ -83,6 +83,8 @@ def test_selected_objects_take_the_places_of_the_classes(ground):
     assert (first.sizes[0].source_object, second.sizes[0].source_object) == (tree, bush)
     assert first.sizes[0].count == 64, "16 % of 1,600 m², 4 m² each"
     assert second.sizes[0].count == 20_000, "not without end"
+    said = capfd.readouterr().out
+    assert f"Held at 20,000: {second.name} (" in said and first.name not in said.partition("Held")[2]
     assert third.sizes[0].source_object.name.startswith("Bush")
 
 
