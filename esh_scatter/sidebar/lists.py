@@ -7,12 +7,15 @@ from ..properties.layer import ESH_PG_layer
 from ..properties.obstacle import ESH_PG_obstacle
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.size import ESH_PG_size
-from .panel_parts import is_narrow, units_of, width_of
+from .panel_parts import AROUND, UNIT, cut_in_middle, is_narrow, text_width, units_of, width_of
 
 __all__ = ["CLASSES"]
 
 # Width of the sidebar from which on rows show more [pixels at an interface scale of 1].
 WIDE = 330
+# What is beside a list and around its rows, with the bar by which longer ones are scrolled, and from how many rows on there is one;
+# a row's swatch [pixels at an interface scale of 1].
+BESIDE_LIST, SCROLL_BAR, ROWS, SWATCH = 102, 18, 5, 18
 
 
 class ESH_UL_classes(bpy.types.UIList):
@@ -37,7 +40,7 @@ class ESH_UL_classes(bpy.types.UIList):
         text = row.row(align=True)
         text.active = not item.mute
         name = text.row(align=True)
-        name.prop(item, "name", text="", emboss=False)
+        _draw_name(context, name, data, item)
         if width_of(context) > WIDE:
             source = text.row(align=True)
             source.active = False
@@ -61,6 +64,30 @@ class ESH_UL_classes(bpy.types.UIList):
             ("show_render", "RESTRICT_RENDER_OFF", "RESTRICT_RENDER_ON"),
         ):
             switches.prop(item, switch, text="", icon=on if getattr(item, switch) else off, emboss=False)
+
+
+def _draw_name(
+    context: bpy.types.Context, layout: bpy.types.UILayout, scatter: ESH_PG_scatter, item: ESH_PG_class
+) -> None:
+    """Draw the name of a class as a field that a double click opens, or cut in its middle where others would look alike.
+
+    Of the selected class the header of the panel below has all of the name.
+    """
+    beside = BESIDE_LIST + SWATCH + text_width(context, item.amount) + 2 * AROUND
+    beside += UNIT * (1 if is_narrow(context) else 3) + (SCROLL_BAR if len(scatter.classes) > ROWS else 0)
+    room = max(width_of(context) - beside, 2 * UNIT)
+    if width_of(context) > WIDE or item == scatter.active_class or not _looks_alike(context, scatter, item, room):
+        layout.prop(item, "name", text="", emboss=False)
+    else:
+        layout.label(text=cut_in_middle(context, item.name, room))
+
+
+def _looks_alike(context: bpy.types.Context, scatter: ESH_PG_scatter, item: ESH_PG_class, room: float) -> bool:
+    """Tell whether the name of a class has to be cut, and what is left of its beginning is that of another one, too."""
+    seen = item.name
+    while seen and text_width(context, seen) > room:
+        seen = seen[:-1]
+    return seen != item.name and any(other != item and other.name.startswith(seen) for other in scatter.classes)
 
 
 def _sources(item: ESH_PG_class) -> str:

@@ -15,6 +15,7 @@ from ..solving import running
 __all__ = [
     "Panel",
     "SubPanel",
+    "cut_in_middle",
     "draw_image",
     "draw_list",
     "draw_property",
@@ -40,6 +41,8 @@ PARTED, CHECKBOX, CHOICE = 0.42, 28, 42
 IMAGE_BUTTONS = 150
 # What a label leaves free around its text, and how wide a unit of a layout is.
 AROUND, UNIT = 12, 20
+# One of so many letters that are left of a name that is cut in its middle is before the dots.
+BEGINNING = 4
 
 
 class Panel:
@@ -84,6 +87,20 @@ def text_width(context: bpy.types.Context, text: str) -> float:
 def units_of(context: bpy.types.Context, text: str) -> float:
     """Return the width of a label, in units of a layout."""
     return (text_width(context, text) + AROUND) / UNIT
+
+
+def cut_in_middle(context: bpy.types.Context, text: str, room: float) -> str:
+    """Return a text that is no wider than ``room`` [pixels at an interface scale of 1]: of a longer one a little of its beginning.
+
+    Names of one kind begin alike, and Blender would cut off where they differ.
+    """
+    shorter = text
+    for left in range(len(text) - 1, 1, -1):
+        if text_width(context, shorter) <= room:
+            break
+        start = max(1, left // BEGINNING)
+        shorter = f"{text[:start].rstrip()}\u2026{text[start - left :].lstrip()}"
+    return shorter
 
 
 def is_narrow(context: bpy.types.Context) -> bool:

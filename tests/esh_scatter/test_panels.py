@@ -439,6 +439,38 @@ def test_a_narrow_sidebar_cuts_no_names():
     }
 
 
+def test_names_that_begin_alike_are_cut_where_they_do_not_differ():
+    """Blender would cut off their ends; the selected one can be renamed in its row, and the panel below has all of its name."""
+    scatter = ready_scatter()
+    names = [
+        "Norway Spruce Old Large",
+        "Norway Spruce Old Small",
+        "Norway Spruce Old Broken",
+        "A long name of its own kind",
+    ]
+    for number, name in enumerate(names):
+        (scatter.classes[0] if number == 0 else scatter.add_class()).name = name
+    scatter.class_index = 2
+    for width in (250, 292):
+        drawn = draw_all(width)
+        cut = [text for text in drawn if text and "…" in text]
+        assert [one[-3:] for one in cut] == ["rge", "all"] and all(one[0] == "N" for one in cut)
+        assert drawn.count("name") == 2 + 1, (
+            "of the selected class, of the one that looks like no other, and of the scatter"
+        )
+    assert not any(text and "…" in text for text in draw_all(400)), "it is wide enough"
+
+
+def test_a_name_is_cut_to_its_room():
+    name = "Norway Spruce Old Broken"
+    for room in (30, 60, 90, 120):
+        cut = panel_parts.cut_in_middle(shown_context(), name, room)
+        start, _, end = cut.partition("…")
+        assert panel_parts.text_width(shown_context(), cut) <= room and name.startswith(start) and name.endswith(end)
+        assert 0 < len(start) <= len(end)
+    assert panel_parts.cut_in_middle(shown_context(), name, 500) == name
+
+
 @pytest.mark.parametrize("width", [200, 250, 400])
 def test_a_long_name_in_a_header_is_as_wide_as_the_sidebar(width):
     """Blender cuts what has a width, and lets all else run out of a header, or leaves it out."""

@@ -19,6 +19,7 @@ BUTTONS = {
     "seed_roll": {},
     "class_add": {},
     "class_remove": {},
+    "class_lift": {},
     "class_duplicate": {},
     "class_copy": {},
     "classes_sort": {},
