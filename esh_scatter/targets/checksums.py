@@ -52,6 +52,9 @@ DECIMALS = 5
 # What says how a mesh is subdivided: attributes of it, and settings of the modifier.
 _CREASES = ("crease_edge", "crease_vert")
 _SUBDIVISION = ("levels", "subdivision_type", "quality", "use_limit_surface", "use_creases", "boundary_smooth")
+# Other modifiers of which, beside the mesh, their settings say all that they do to its shape; and what has them look elsewhere.
+_PLAIN = ("ARRAY", "CAST", "DISPLACE", "MIRROR", "SIMPLE_DEFORM", "SOLIDIFY", "TRIANGULATE")
+_LOOKS_ELSEWHERE = ("UV", "CUSTOM_NORMAL")
 
 _FIELDS = {
     "FLOAT": ("value", 1, np.float32),
@@ -122,14 +125,14 @@ def of_shape(item: bpy.types.Object) -> int:
 
 
 def of_ground(item: bpy.types.Object) -> int:
-    """Return the number of a target's shape: :func:`of_shape`, but of a mesh that is only subdivided what it is subdivided from.
+    """Return the number of a target's shape: :func:`of_shape`, but of a mesh that is subdivided what it is made of, if that tells all.
 
     How subdivision rounds depends on whether the mesh has a UV map, which is nothing of its shape.
     """
     if item.type != "MESH" or item.data.shape_keys is not None:
         return of_shape(item)
     shown = [modifier for modifier in item.modifiers if modifier.show_viewport]
-    if not shown or any(modifier.type != "SUBSURF" for modifier in shown):
+    if all(modifier.type != "SUBSURF" for modifier in shown) or any(_step(modifier) is None for modifier in shown):
         return of_shape(item)
     return worked_out(("subdivided", item.session_uid), lambda: _subdivided_number(item))
 
@@ -221,13 +224,41 @@ def _shape_number(item: bpy.types.Object) -> int:
 
 
 def _subdivided_number(item: bpy.types.Object) -> int:
-    """Of what is stored, and of all that says how it is subdivided; as drivers and the simplified scene have it."""
+    """Of what is stored, and of all that says what is made of it; as drivers and the simplified scene have it."""
     creases = [_values_number(item.data, name) for name in _CREASES]
     evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
-    steps = [[getattr(one, name) for name in _SUBDIVISION] for one in evaluated.modifiers if one.show_viewport]
+    steps = [_step(modifier) for modifier in evaluated.modifiers if modifier.show_viewport]
     render = bpy.context.scene.render
     simplified = render.simplify_subdivision if render.use_simplify else None
     return zlib.crc32(repr([creases, steps, simplified]).encode(), zlib.crc32(_mesh_bytes(item.data)))
+
+
+def _step(modifier: bpy.types.Modifier) -> list[Any] | None:
+    """Return what a modifier's settings say that it does to the shape; None where they do not tell all of it."""
+    if modifier.type == "SUBSURF":
+        return [getattr(modifier, name) for name in _SUBDIVISION]
+    settings = _plain_settings(modifier, bpy.types.Modifier) if modifier.type in _PLAIN else None
+    return None if settings is None else [modifier.type, *settings]
+
+
+def _plain_settings(group: Any, base: Any) -> list[Any] | None:
+    """Return the settings of a modifier or texture that others do not have, or None where it looks at other things than a texture."""
+    found: list[Any] = []
+    for told in group.bl_rna.properties:
+        if told.identifier in base.bl_rna.properties:
+            continue
+        value = getattr(group, told.identifier)
+        if isinstance(value, bpy.types.Texture):
+            value = _plain_settings(value, bpy.types.ID)
+            if value is None:
+                return None
+        elif (told.type == "STRING" and value) or value in _LOOKS_ELSEWHERE:
+            # The name of a vertex group, of a UV map.
+            return None
+        elif told.type in ("POINTER", "COLLECTION") and value is not None:
+            return None
+        found.append(list(value) if getattr(told, "is_array", False) else value)
+    return found
 
 
 def _with(stored: int, made: int) -> int:

@@ -209,6 +209,72 @@ def test_what_subdivides_ground_otherwise_is_something_of_its_shape(subdivided, 
     assert subdivided.changes() == ["shape or place of the target"]
 
 
+@pytest.fixture
+def terrain(subdivided):
+    """Subdivided ground with hills of a texture, thick as a slab."""
+    hills = subdivided.target.modifiers.new("Hills", "DISPLACE")
+    hills.texture = bpy.data.textures.new("Hills", "CLOUDS")
+    subdivided.target.modifiers.new("Slab", "SOLIDIFY").thickness = 0.3
+    bpy.context.view_layer.update()
+    subdivided.ran_with = subdivided.fingerprint()
+    assert subdivided.changes() == []
+    return subdivided
+
+
+def test_a_uv_map_is_nothing_of_the_shape_of_ground_with_several_modifiers(terrain):
+    ground = terrain.target
+    while ground.data.uv_layers:
+        ground.data.uv_layers.remove(ground.data.uv_layers[0])
+    bpy.context.view_layer.update()
+    before = checksums.of_shape(ground)
+    terrain.ran_with = terrain.fingerprint()
+    ground.data.uv_layers.new(name="Unwrapped")
+    bpy.context.view_layer.update()
+    assert checksums.of_shape(ground) != before, "subdivision rounds otherwise now"
+    assert terrain.changes() == []
+
+
+def color_texture(texture):
+    texture.use_color_ramp = True
+    texture.color_ramp.elements[0].color = (0.5, 0.5, 0.5, 1.0)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda ground: setattr(ground.data.vertices[7].co, "z", 3.0),
+        lambda ground: setattr(ground.modifiers["Hills"], "strength", 0.7),
+        lambda ground: setattr(ground.modifiers["Hills"].texture, "noise_scale", 0.6),
+        lambda ground: color_texture(ground.modifiers["Hills"].texture),
+        lambda ground: setattr(ground.modifiers["Hills"], "vertex_group", "here"),
+        lambda ground: setattr(ground.modifiers["Hills"], "texture_coords", "UV"),
+        lambda ground: setattr(ground.modifiers["Slab"], "thickness", 0.2),
+        lambda ground: ground.modifiers.move(2, 0),
+        lambda ground: ground.modifiers.new("Smooth", "SMOOTH"),
+    ],
+)
+def test_what_else_makes_terrain_otherwise_is_something_of_its_shape(terrain, change):
+    ground = terrain.target
+    before = checksums.of_shape(ground)
+    change(ground)
+    ground.data.update()
+    bpy.context.view_layer.update()
+    assert checksums.of_shape(ground) != before, "it is another shape"
+    assert terrain.changes() == ["shape or place of the target"]
+
+
+def test_of_what_looks_elsewhere_the_shape_itself_counts(terrain):
+    """A vertex group, or an object that a texture lies about, are not among the settings."""
+    ground = terrain.target
+    ground.modifiers["Hills"].vertex_group = "here"
+    bpy.context.view_layer.update()
+    terrain.ran_with = terrain.fingerprint()
+    assert terrain.changes() == []
+    ground.vertex_groups["here"].add([0, 1, 2, 3, 4, 5], 0.37, "REPLACE")
+    bpy.context.view_layer.update()
+    assert "shape or place of the target" in terrain.changes()
+
+
 def test_subdivided_ground_of_an_older_file_is_up_to_date(subdivided):
     number = checksums.of_shape(subdivided.target)
     record = json.loads(subdivided.ran_with)
