@@ -12,9 +12,22 @@ from ..result.scene_units import area_unit
 from ..targets.target import members_of
 from .asset_shelf import draw_choice_of_asset
 from .density_panel import draw_density
-from .panel_parts import SubPanel, draw_image, draw_list, draw_property, draw_settings, write_header, write_text
+from .panel_parts import (
+    SubPanel,
+    draw_image,
+    draw_list,
+    draw_property,
+    draw_settings,
+    field_width,
+    text_width,
+    write_header,
+    write_text,
+)
 
 __all__ = ["CLASSES"]
+
+# What icon and buttons of the field that says what is placed take of it [pixels at an interface scale of 1].
+SOURCE_BUTTONS = 74
 
 
 class _ClassPanel(SubPanel):
@@ -157,7 +170,10 @@ def _draw_source(context: bpy.types.Context, column: bpy.types.UILayout, size: b
     draw_property(context, column, size, "source_kind")
     source = column.row(align=True)
     source.alert = size.source is None or bool(size.deleted)
-    source.prop(size, "source_object" if size.source_kind == "OBJECT" else "source_collection")
+    # Without its name, the field has the whole line.
+    is_cut = size.source is not None and text_width(context, size.source.name) > field_width(context) - SOURCE_BUTTONS
+    text = {"text": ""} if is_cut else {}
+    source.prop(size, "source_object" if size.source_kind == "OBJECT" else "source_collection", **text)
     beside = source.row(align=True)
     beside.alert = False
     draw_choice_of_asset(beside)

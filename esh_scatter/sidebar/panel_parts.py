@@ -20,6 +20,7 @@ __all__ = [
     "draw_list",
     "draw_property",
     "draw_settings",
+    "field_width",
     "fits_line",
     "is_narrow",
     "text_width",
@@ -77,6 +78,11 @@ def width_of(context: bpy.types.Context) -> float:
     return context.region.width / context.preferences.system.ui_scale
 
 
+def field_width(context: bpy.types.Context) -> float:
+    """Return how wide a field beside its name is [pixels at an interface scale of 1]."""
+    return (1.0 - PARTED) * (width_of(context) - MARGINS)
+
+
 def text_width(context: bpy.types.Context, text: str) -> float:
     """Return how wide a text is in the interface's font [pixels at an interface scale of 1]."""
     blf.size(0, context.preferences.ui_styles[0].widget.points)
@@ -129,11 +135,11 @@ def draw_property(
     line = width_of(context) - MARGINS
     if told.type == "ENUM":
         chosen = told.enum_items[getattr(group, name)].name
-        is_cut = is_narrow(context) and text_width(context, chosen) > (1.0 - PARTED) * line - CHOICE
+        is_cut = is_narrow(context) and text_width(context, chosen) > field_width(context) - CHOICE
         layout.prop(group, name, **({"text": ""} if is_cut else {}))
         return
     # The name of a checkbox stands in the field, others in the column of names.
-    room = (1.0 - PARTED) * line - CHECKBOX if told.type == "BOOLEAN" else PARTED * line - AROUND / 2
+    room = field_width(context) - CHECKBOX if told.type == "BOOLEAN" else PARTED * line - AROUND / 2
     row = layout.row()
     row.use_property_split = text_width(context, told.name) <= room
     row.prop(group, name, slider=slider)

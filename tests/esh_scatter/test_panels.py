@@ -24,7 +24,7 @@ from esh.esh_scatter.properties.layer import KINDS  # noqa: E402
 from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
 from esh.esh_scatter.result.refused import as_sentence  # noqa: E402
 from esh.esh_scatter.result.result import write_result  # noqa: E402
-from esh.esh_scatter.sidebar import density_panel, menus, panel_parts, panels, preset_pictures  # noqa: E402
+from esh.esh_scatter.sidebar import class_panels, density_panel, menus, panel_parts, panels, preset_pictures  # noqa: E402
 from esh.esh_scatter.solving import running  # noqa: E402
 
 
@@ -437,6 +437,18 @@ def test_a_narrow_sidebar_cuts_no_names():
         "count_kind": "nowhere",
         "direction_kind": "beside",
     }
+
+
+@pytest.mark.parametrize(
+    ("name", "width", "where"), [("Fir", 250, "beside"), ("Oak leaf", 250, "nowhere"), ("Oak leaf", 320, "beside")]
+)
+def test_the_name_of_what_is_placed_has_the_whole_line_where_it_would_be_cut(name, width, where):
+    size = ready_scatter().classes[0].sizes[0]
+    size.source_object.name = name
+    rows = []
+    Named.width = width
+    class_panels._draw_source(shown_context(width), Named(rows), size)
+    assert ("source_object", where) in rows
 
 
 def test_names_that_begin_alike_are_cut_where_they_do_not_differ():
