@@ -42,6 +42,9 @@ class ESH_OT_scatter_remove(Edit):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Remove it."""
         settings = context.scene.esh_scatter
+        result = selected_scatter(context).result_in(context.scene)
+        if result is not None:
+            self.report({"INFO"}, f'"{result.name}" stays in the scene. Delete it, too, to be rid of what was placed')
         settings.scatter_index = remove_at(settings.scatters, settings.scatter_index)
         return {"FINISHED"}
 

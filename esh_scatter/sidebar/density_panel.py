@@ -16,6 +16,8 @@ __all__ = ["draw_density", "is_painted"]
 
 # Kinds of layers that are painted, and the mode in which that is done.
 PAINTED_IN = {"IMAGE": "PAINT_TEXTURE", "VERTEX_GROUP": "PAINT_WEIGHT"}
+# And those in which they are painted after somebody has gone there: colors are attributes.
+_ENDED_IN = {**PAINTED_IN, "ATTRIBUTE": "PAINT_VERTEX"}
 
 
 def draw_density(context: bpy.types.Context, column: bpy.types.UILayout, scatter: Any, body_class: Any) -> list[str]:
@@ -56,9 +58,9 @@ def is_painted(context: bpy.types.Context, scatter: Any) -> bool:
     """Tell whether somebody is in the mode that paints a layer of a scatter, on one of its targets."""
     layers = (layer for body_class in scatter.classes for layer in body_class.layers)
     return (
-        context.mode in PAINTED_IN.values()
+        context.mode in _ENDED_IN.values()
         and any(item.mode != "OBJECT" for item in scatter.targets)
-        and any(PAINTED_IN.get(layer.kind) == context.mode for layer in layers)
+        and any(_ENDED_IN.get(layer.kind) == context.mode for layer in layers)
     )
 
 

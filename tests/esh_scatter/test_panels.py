@@ -549,6 +549,10 @@ def test_painting_can_be_ended_near_the_top_of_the_sidebar():
     assert drawn.index("esh.scatter") < drawn.index("object.mode_set") < drawn.index("classes")
     scatter.classes[0].layers[0].kind = "IMAGE"
     assert "object.mode_set" not in draw_all(), "what is painted is none of its layers"
+    bpy.ops.object.mode_set(mode="VERTEX_PAINT")
+    assert "object.mode_set" not in draw_all()
+    scatter.classes[0].layers[0].kind = "ATTRIBUTE"
+    assert "object.mode_set" in draw_all(), "colors are attributes"
     bpy.ops.object.mode_set(mode="OBJECT")
 
 

@@ -187,6 +187,17 @@ def test_that_most_has_held_the_number_is_told(ground, objects, capfd):
     assert "Held at" not in capfd.readouterr().out
 
 
+def test_that_removed_settings_leave_what_they_have_placed_is_told(ground, objects, capfd):
+    bpy.ops.esh.scatter_add()
+    bpy.ops.esh.scatter_remove()
+    assert "stays" not in capfd.readouterr().out, "nothing was placed"
+    select(*objects, ground, active=ground)
+    bpy.ops.esh.scatter_selection(most=20)
+    result = bpy.context.scene.esh_scatter.active.result
+    bpy.ops.esh.scatter_remove()
+    assert f'"{result.name}" stays in the scene' in capfd.readouterr().out and result.name in bpy.context.scene.objects
+
+
 def test_rings_cover_as_much_of_the_ground_as_was_asked_for(ground):
     """Others are kept off their insides, too."""
     bpy.ops.mesh.primitive_torus_add(major_radius=1.0, minor_radius=0.1, location=(50.0, 0.0, 0.0))
