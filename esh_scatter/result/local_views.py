@@ -1,14 +1,15 @@
-"""Local views, in which a viewport shows only some objects: a new result is in those that show its ground."""
+"""Local views, in which a viewport shows only some objects: a new result is in those that show its ground, and colors are drawn there."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import bpy
 
+from ..targets.references import Reference
 from ..targets.target import members_of
 
-__all__ = ["is_left_out", "join_local_views"]
+__all__ = ["is_left_out", "join_local_views", "shows_any"]
 
 
 def join_local_views(
@@ -31,6 +32,14 @@ def is_left_out(item: bpy.types.Object, context: bpy.types.Context) -> bool:
     space = context.space_data
     local = isinstance(space, bpy.types.SpaceView3D) and space.local_view is not None
     return local and context.view_layer.objects.get(item.name) == item and not item.local_view_get(space)
+
+
+def shows_any(ground: Iterable[Reference], context: bpy.types.Context) -> bool:
+    """Tell whether the viewport that is drawn may show any of some objects: its window shows their scene, and it is in no other view."""
+    layer = context.view_layer
+    found = (one.find() for one in ground)
+    there = (item for item in found if item is not None and layer.objects.get(item.name) == item)
+    return any(not is_left_out(item, context) for item in there)
 
 
 def _local_views(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.SpaceView3D, bpy.types.ViewLayer]]:

@@ -17,8 +17,10 @@ from ...engine.errors import EshError
 from ...engine.problem.scatter_settings import TargetSettings
 from ..densities.density_stack import ClassDensity, DensityLayer, DensityStack
 from ..properties.described import values_from
+from ..result.local_views import shows_any
 from ..result.refused import as_sentence
 from ..solving import running
+from ..targets.references import Reference
 
 __all__ = ["Colors", "attach", "density_colors", "detach", "message"]
 
@@ -62,6 +64,8 @@ class _Preview:
         self.colors: Colors | None = None
         self.message = ""
         self.content: Any = None
+        # What the colors lie on.
+        self.ground: list[Reference] = []
         self.batch: Any = None
         self.handler = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
 
@@ -72,6 +76,8 @@ class _Preview:
             content, colors = density_colors(bpy.context, self.survey, self.content)
             if colors is not None or content is None:
                 self.colors, self.batch = colors, None
+            scatter = bpy.context.scene.esh_scatter.active
+            self.ground = [Reference(item, "target") for item in scatter.targets] if scatter else []
             self.content, self.message = content, ""
         except EshError as error:
             self.colors, self.content, self.message = None, None, as_sentence(error)
@@ -202,7 +208,7 @@ def _look() -> float | None:
 
 def _draw() -> None:
     """Draw the colors; Blender calls it for every viewport."""
-    if _preview is None or _preview.colors is None:
+    if _preview is None or _preview.colors is None or not shows_any(_preview.ground, bpy.context):
         return
     import gpu
     from gpu_extras.batch import batch_for_shader

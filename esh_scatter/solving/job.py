@@ -301,6 +301,11 @@ class ScatterJob:
         return (pins.fixed_on(self.chart, area, outline, scale),)
 
     @property
+    def ground(self) -> list[bpy.types.Object]:
+        """The mesh objects that the target stands for."""
+        return list(self._targets.objects)
+
+    @property
     def target(self) -> bpy.types.Object | bpy.types.Collection:
         """What is scattered on, of several objects the first; raises ProblemError once it is no longer in the file."""
         return self._targets.owner

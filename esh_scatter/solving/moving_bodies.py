@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 
+from ..result.local_views import shows_any
+from ..targets.references import Reference
+
 if TYPE_CHECKING:
     from ...engine.solver.solver import Progress
     from .job import ScatterJob
@@ -31,6 +34,7 @@ class MovingBodies:
 
     def __init__(self, job: ScatterJob) -> None:
         self._job = job
+        self._ground = [Reference(item, "target") for item in getattr(job, "ground", ())]
         self._seen = 0.0
         self._colors: np.ndarray | None = None
         self._batch: Any = None
@@ -74,7 +78,7 @@ class MovingBodies:
         from gpu_extras.batch import batch_for_shader
 
         points, colors = self.points, self._colors
-        if points is None or colors is None:
+        if points is None or colors is None or not shows_any(self._ground, bpy.context):
             return
         shader = gpu.shader.from_builtin("POINT_FLAT_COLOR" if bpy.app.version >= (4, 5, 0) else "FLAT_COLOR")
         if self._drawn is not points:

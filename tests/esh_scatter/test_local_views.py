@@ -1,11 +1,17 @@
 """Local views: what is scattered while the ground is alone in a viewport shows there, and where it does not, that is said."""
 
+import sys
+
+import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter import registration  # noqa: E402
+from esh.esh_scatter.api import ScatterClass, ScatterJob, ScatterSize  # noqa: E402
 from esh.esh_scatter.result.local_views import is_left_out  # noqa: E402
+from esh.esh_scatter.sidebar import density_preview  # noqa: E402
+from esh.esh_scatter.solving.moving_bodies import MovingBodies  # noqa: E402
 
 
 @pytest.fixture
@@ -83,3 +89,46 @@ def test_ground_that_a_local_view_leaves_out_is_scattered_on_and_hidden_ground_i
     ground.hide_set(True)
     with pytest.raises(RuntimeError, match="visible"):
         bpy.ops.esh.scatter()
+
+
+class Drawn:
+    """Stands in for what Blender draws with, which there is none of without a window: counts what is drawn."""
+
+    def __init__(self):
+        self.count = 0
+        self.shader = self.state = self
+
+    def draw(self, _shader):
+        self.count += 1
+
+    def __getattr__(self, _name):
+        return lambda *_values, **_named: self
+
+
+def test_colors_and_moving_points_are_drawn_only_where_their_ground_may_show(viewport, monkeypatch):
+    drawn = Drawn()
+    monkeypatch.setitem(sys.modules, "gpu", drawn)
+    monkeypatch.setitem(sys.modules, "gpu_extras.batch", drawn)
+    ground, pebble = ground_and_pebble()
+    select(ground, pebble)
+    bpy.ops.esh.scatter_selection()
+    bpy.context.window_manager.esh_scatter_show_density = True
+    density_preview._look()
+    bodies = MovingBodies(ScatterJob(ground, [ScatterClass("Pebble", [ScatterSize("one", 5, pebble)])], device="cpu"))
+    bodies.points, bodies._colors = np.zeros((5, 3)), np.ones((5, 4))
+
+    def count():
+        before = drawn.count
+        density_preview._draw()
+        bodies._draw()
+        return drawn.count - before
+
+    assert count() == 2
+    select(pebble)
+    bpy.ops.view3d.localview()
+    assert count() == 0, "a local view of something else"
+    bpy.ops.view3d.localview()
+    assert count() == 2
+    bpy.context.window.scene = bpy.data.scenes.new("Another")
+    assert count() == 0, "a window that shows another scene"
+    bpy.context.window_manager.esh_scatter_show_density = False
