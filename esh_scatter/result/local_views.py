@@ -1,4 +1,4 @@
-"""Local views, in which a viewport shows only some objects: a new result is in those that show its ground, and colors are drawn there."""
+"""Local views, in which a viewport shows only some objects: what is made or drawn shows in those that show its ground."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def is_left_out(item: bpy.types.Object, context: bpy.types.Context) -> bool:
 
 
 def shows_any(ground: Iterable[Reference], context: bpy.types.Context) -> bool:
-    """Tell whether the viewport that is drawn may show any of some objects: its window shows their scene, and it is in no other view."""
+    """Tell whether the viewport that is drawn may show any of some objects: those of its scene, and of its local view."""
     layer = context.view_layer
     found = (one.find() for one in ground)
     there = (item for item in found if item is not None and layer.objects.get(item.name) == item)
