@@ -24,14 +24,17 @@ def join_local_views(
         view_layer.update()
         shown = (one for one in members_of(ground) if view_layer.objects.get(one.name) == one)
         if view_layer.objects.get(item.name) == item:
-            item.local_view_set(space, any(one.local_view_get(space) for one in shown))
+            item.local_view_set(space, any(one.visible_get(view_layer=view_layer, viewport=space) for one in shown))
 
 
 def is_left_out(item: bpy.types.Object, context: bpy.types.Context) -> bool:
     """Tell whether the viewport is in a local view that does not show an object."""
-    space = context.space_data
-    local = isinstance(space, bpy.types.SpaceView3D) and space.local_view is not None
-    return local and context.view_layer.objects.get(item.name) == item and not item.local_view_get(space)
+    space, layer = context.space_data, context.view_layer
+    if not isinstance(space, bpy.types.SpaceView3D) or space.local_view is None or layer.objects.get(item.name) != item:
+        return False
+    # What `local_view_get` answers lags behind in Blender 4.5.
+    hidden = item.hide_viewport or item.hide_get(view_layer=layer)
+    return not hidden and not item.visible_get(view_layer=layer, viewport=space)
 
 
 def shows_any(ground: Iterable[Reference], context: bpy.types.Context) -> bool:

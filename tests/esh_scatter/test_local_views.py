@@ -51,7 +51,7 @@ def test_a_new_result_is_in_the_local_views_that_show_its_ground(viewport, shown
     assert bpy.ops.esh.scatter_selection() == {"FINISHED"}
     result = bpy.context.scene.esh_scatter.active.result
     bpy.context.view_layer.update()
-    assert result.local_view_get(viewport) == (shown == "the ground")
+    assert result.visible_get(viewport=viewport) == (shown == "the ground")
     assert is_left_out(result, bpy.context) == (shown != "the ground")
 
 
