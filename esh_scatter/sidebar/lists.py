@@ -1,5 +1,7 @@
 """Lists of the sidebar: classes, sizes."""
 
+from bisect import bisect_right
+
 import bpy
 
 from ..properties.body_class import ESH_PG_class
@@ -84,10 +86,11 @@ def _draw_name(
 
 def _looks_alike(context: bpy.types.Context, scatter: ESH_PG_scatter, item: ESH_PG_class, room: float) -> bool:
     """Tell whether the name of a class has to be cut, and what is left of its beginning is that of another one, too."""
-    seen = item.name
-    while seen and text_width(context, seen) > room:
-        seen = seen[:-1]
-    return seen != item.name and any(other != item and other.name.startswith(seen) for other in scatter.classes)
+    name: str = item.name
+    if text_width(context, name) <= room:
+        return False
+    seen = name[: bisect_right(range(1, len(name)), room, key=lambda end: text_width(context, name[:end]))]
+    return any(other != item and other.name.startswith(seen) for other in scatter.classes)
 
 
 def _sources(item: ESH_PG_class) -> str:

@@ -1,5 +1,6 @@
 """What the panels of the sidebar are made of: lists with their buttons, settings, images, sentences over several lines."""
 
+from bisect import bisect_right
 from collections.abc import Collection
 from typing import Any
 
@@ -100,13 +101,16 @@ def cut_in_middle(context: bpy.types.Context, text: str, room: float) -> str:
 
     Names of one kind begin alike, and Blender would cut off where they differ.
     """
-    shorter = text
-    for left in range(len(text) - 1, 1, -1):
-        if text_width(context, shorter) <= room:
-            break
+    if text_width(context, text) <= room:
+        return text
+
+    def shorter(left: int) -> str:
         start = max(1, left // BEGINNING)
-        shorter = f"{text[:start].rstrip()}\u2026{text[start - left :].lstrip()}"
-    return shorter
+        return f"{text[:start].rstrip()}\u2026{text[start - left :].lstrip()}"
+
+    # Two letters are left in any case.
+    more = bisect_right(range(3, len(text)), room, key=lambda left: text_width(context, shorter(left)))
+    return shorter(2 + more)
 
 
 def is_narrow(context: bpy.types.Context) -> bool:
