@@ -51,8 +51,10 @@ class Survey:
         if self._chart is not None and self._chart[0] == shape:
             chart = self._chart[1].with_mesh(mesh)
         else:
-            chart = chart_of(mesh, settings, self.resolution)
+            # Two of a large target are not to be there at once.
+            self._chart = None
             self._densities.clear()
+            chart = chart_of(mesh, settings, self.resolution)
         self._chart = shape, chart
         return chart
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import nullcontext
 
 import bpy
 import numpy as np
@@ -181,7 +182,7 @@ def check_target(target: object, context: bpy.types.Context) -> bpy.types.Object
 def is_shown_in(layer: bpy.types.ViewLayer, item: bpy.types.Object) -> bool:
     """Tell whether a view layer shows an object, so that Blender evaluates it; in a local view of others it does so all the same."""
     # Asked within a viewport, Blender answers for that one, which may be in such a view, or show no meshes.
-    with bpy.context.temp_override(area=None):
+    with bpy.context.temp_override(area=None) if bpy.context.area else nullcontext():
         shown: bool = item.visible_get(view_layer=layer)
     return shown
 

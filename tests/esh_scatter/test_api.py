@@ -23,6 +23,7 @@ from esh.esh_scatter.api import (  # noqa: E402
     VertexGroupDensity,
     scatter,
 )
+from esh.esh_scatter.classes import lent_survey  # noqa: E402
 from mathutils import Quaternion  # noqa: E402
 
 OPTIONS = {"device": "cpu", "max_steps": 5}
@@ -117,6 +118,8 @@ def test_what_a_job_holds_goes_with_it():
         result = job.write()
         held = [weakref.ref(item) for item in (job, job.chart, job.chart.view, job.chart.points, job.problem)]
         del job, result
+        # What was worked out of the target is lent to the next run, and to no other.
+        lent_survey.detach()
         assert [item() for item in held] == [None] * len(held)
     finally:
         gc.enable()

@@ -17,6 +17,7 @@ from esh.esh_scatter.api import (  # noqa: E402
     ScatterSize,
     VertexGroupDensity,
 )
+from esh.esh_scatter.classes import lent_survey  # noqa: E402
 
 NOT_MEASURED = Report(0, False, 0.0, "", 0.0, None, 0, 0.0, ())
 
@@ -78,6 +79,7 @@ def source(width):
 def reading_and_writing(side, pixels, bodies):
     """Operations of both for a target of so many vertices along a side, a texture and so many bodies."""
     bpy.ops.wm.read_homefile(use_empty=True)
+    lent_survey.detach()
     target, round_one, long_one = ground(side), source(1.0), source(0.1)
     densities = ImageDensity(image(pixels), mapping="UV"), VertexGroupDensity("meadow"), AttributeDensity("soil")
     classes = [
