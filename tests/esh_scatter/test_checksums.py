@@ -184,6 +184,17 @@ def follow_a_driver(ground):
     ground.modifiers[0].driver_add("levels").driver.expression = "3"
 
 
+def assert_change_is_told(scatter, change):
+    """What changes the shape of its target is said to have done so."""
+    ground = scatter.target
+    before = checksums.of_shape(ground)
+    change(ground)
+    ground.data.update()
+    bpy.context.view_layer.update()
+    assert checksums.of_shape(ground) != before, "it is another shape"
+    assert scatter.changes() == ["shape or place of the target"]
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -200,13 +211,7 @@ def follow_a_driver(ground):
     ],
 )
 def test_what_subdivides_ground_otherwise_is_something_of_its_shape(subdivided, change):
-    ground = subdivided.target
-    before = checksums.of_shape(ground)
-    change(ground)
-    ground.data.update()
-    bpy.context.view_layer.update()
-    assert checksums.of_shape(ground) != before, "it is another shape"
-    assert subdivided.changes() == ["shape or place of the target"]
+    assert_change_is_told(subdivided, change)
 
 
 @pytest.fixture
@@ -254,13 +259,7 @@ def color_texture(texture):
     ],
 )
 def test_what_else_makes_terrain_otherwise_is_something_of_its_shape(terrain, change):
-    ground = terrain.target
-    before = checksums.of_shape(ground)
-    change(ground)
-    ground.data.update()
-    bpy.context.view_layer.update()
-    assert checksums.of_shape(ground) != before, "it is another shape"
-    assert terrain.changes() == ["shape or place of the target"]
+    assert_change_is_told(terrain, change)
 
 
 def test_of_what_looks_elsewhere_the_shape_itself_counts(terrain):
