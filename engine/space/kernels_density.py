@@ -34,6 +34,50 @@ def weigh_pixels(
     return total
 
 
+# A processor takes several columns at once.
+_ADD_ROW = """
+    float* to = (float*)result.data + (long long)row * columns;
+    const float* from = (const float*)source.data + (long long)source_row * columns;
+    for (int column = 0; column < columns; ++column) to[column] += weight * from[column];
+"""
+
+
+@wp.func_native(_ADD_ROW)
+def add_row(
+    weight: float,
+    source: wp.array(dtype=float),
+    source_row: int,
+    columns: int,
+    result: wp.array(dtype=float),
+    row: int,
+): ...
+
+
+@wp.kernel
+def add_rows(
+    first: int,
+    source: wp.array(dtype=float),
+    source_rows: int,
+    band: Band,
+    rows: int,
+    columns: int,
+    # outputs
+    result: wp.array(dtype=float),
+):
+    """What :func:`apply_band` does along y, for a whole row of the result at a time."""
+    row = first + wp.tid()
+    for column in range(columns):
+        result[row * columns + column] = 0.0
+    for period in range(-1, 2):
+        entry = row + band.fold + period * rows
+        if entry >= 0 and entry < rows + 2 * band.fold and (period == 0 or band.fold > 0):
+            for k in range(band.reach):
+                weight = band.weight[entry * band.reach + k]
+                if weight != 0.0:
+                    pixel = wp.clamp(band.first[entry] + k, 0, source_rows - 1)
+                    add_row(weight, source, pixel, columns, result, row)
+
+
 @wp.kernel
 def apply_band(
     first: int,

@@ -68,26 +68,46 @@ def _apply_bands(
     launcher: Launcher, image: np.ndarray, bands: list[Band], fold: int, shape: tuple[int, int], result: wp.array
 ) -> None:
     """Weigh an image's rows and columns into ``result``, of ``shape``; its total is 1."""
+    # The weights turn it upside down and divide it, so that no pixel is copied.
     total = float(image.sum(dtype=np.float64))
-    source = launcher.array((image[::-1] / total).astype(np.float32).ravel(), float)
+    bands = [_from_top(bands[0], image.shape[0]), bands[1]]
+    source = launcher.array(image.ravel(), float)
     order = order_of_axes(image.shape, shape)
     between = (shape[0], image.shape[1]) if order[0] == 0 else (image.shape[0], shape[1])
     halfway = launcher.empty(between[0] * between[1], float)
-    steps = ((source, image.shape, halfway, between), (halfway, between, result, shape))
-    for along, (given, given_shape, made, made_shape) in zip(order, steps, strict=True):
+    steps = ((source, image.shape, halfway, between, total), (halfway, between, result, shape, 1.0))
+    for along, (given, given_shape, made, made_shape, divisor) in zip(order, steps, strict=True):
         first, weight = bands[along]
         band = kernels_density.Band()
         band.first = launcher.array(first.astype(np.int32), wp.int32)
-        band.weight = launcher.array(weight.ravel().astype(np.float32), float)
+        band.weight = launcher.array((weight / divisor).ravel().astype(np.float32), float)
         band.reach, band.fold = weight.shape[1], fold
-        at_once = 1 if launcher.device.is_cuda else made_shape[1]
-        launcher.launch(
-            kernels_density.apply_band,
-            made_shape[0] * made_shape[1] // at_once,
-            [at_once, given, *given_shape, band, along, *made_shape],
-            [made],
-            grain=max(1, GRAIN // at_once),
-        )
+        _apply_band(launcher, band, along, (given, given_shape), (made, made_shape))
+
+
+def _from_top(band: Band, pixels: int) -> Band:
+    """A band for pixels that are counted from the other end."""
+    first, weight = band
+    return pixels - first - weight.shape[1], weight[:, ::-1]
+
+
+def _apply_band(
+    launcher: Launcher,
+    band: kernels_density.Band,
+    along: int,
+    given: tuple[wp.array, tuple[int, int]],
+    made: tuple[wp.array, tuple[int, int]],
+) -> None:
+    """Weigh an image along one axis; ``given`` and ``made`` are pixels, flat, and their rows and columns."""
+    (source, (source_rows, source_columns)), (result, (rows, columns)) = given, made
+    if launcher.device.is_cuda or along == 1:
+        at_once = 1 if launcher.device.is_cuda else columns
+        inputs = [at_once, source, source_rows, source_columns, band, along, rows, columns]
+        count = rows * columns // at_once
+        launcher.launch(kernels_density.apply_band, count, inputs, [result], grain=max(1, GRAIN // at_once))
+    else:
+        inputs = [source, source_rows, band, rows, columns]
+        launcher.launch(kernels_density.add_rows, rows, inputs, [result], grain=max(1, GRAIN // columns))
 
 
 def mix_images(launcher: Launcher, deposited: wp.array, weight: np.ndarray, node_count: int) -> wp.array:
