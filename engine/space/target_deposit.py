@@ -95,8 +95,8 @@ def _apply_band(
     launcher: Launcher,
     band: kernels_density.Band,
     along: int,
-    given: tuple[wp.array, tuple[int, int]],
-    made: tuple[wp.array, tuple[int, int]],
+    given: tuple[wp.array, tuple[int, ...]],
+    made: tuple[wp.array, tuple[int, ...]],
 ) -> None:
     """Weigh an image along one axis; ``given`` and ``made`` are pixels, flat, and their rows and columns."""
     (source, (source_rows, source_columns)), (result, (rows, columns)) = given, made

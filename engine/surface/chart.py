@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from copy import copy
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -97,7 +96,7 @@ class Chart:
         """Return the chart of a mesh of the same shape: only what it says at its points may be another."""
         chart, view = copy(self), copy(self.view)
         view.mesh = mesh
-        chart.view, chart.points = view, replace(self.points, view=view)
+        chart.view, chart.points = view, self.points.seen_on(view)
         return chart
 
     @cached_property
@@ -116,11 +115,12 @@ class Chart:
     def _seen(self) -> float:
         return len(self._filled) * float(self.cell.prod())
 
-    @property
+    @cached_property
     def stretch(self) -> np.ndarray:
         """Area of the surface over the area of its cell, shape ``shape``; 0 where there is no surface, or not in the whole cell."""
         stretch = self.area / self.cell.prod()
         stretch.ravel()[self._cut] = 0.0
+        stretch.setflags(write=False)
         return stretch
 
     def _cut_cells(self, xy: np.ndarray) -> np.ndarray:

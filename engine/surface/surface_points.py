@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -46,6 +47,8 @@ class SurfacePoints:
     triangle: np.ndarray
     weight: np.ndarray
     position: np.ndarray
+    # Coordinates in UV maps that were asked for: whoever paints asks again after every stroke.
+    _uv: dict[str, np.ndarray] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def target_name(self) -> str:
@@ -57,25 +60,42 @@ class SurfacePoints:
         """Shading normals, shape ``[n, 3]``, float32, of length 1; those of the upper side never point down."""
         return self.view.normals(self.triangle, self.weight)
 
+    @cached_property
     def rectangle_coordinates(self) -> np.ndarray:
-        """Return where the points lie in the bounding rectangle, 0..1, y up, shape ``[n, 2]``."""
+        """Where the points lie in the bounding rectangle, 0..1, y up, shape ``[n, 2]``; not to be changed."""
         extent = self.view.high[:2] - self.view.low[:2]
         # A wall has none in one of them.
-        return (self.position[:, :2] - self.view.low[:2]) / np.maximum(extent, 1e-300)
+        coordinates = (self.position[:, :2] - self.view.low[:2]) / np.maximum(extent, 1e-300)
+        coordinates.setflags(write=False)
+        return coordinates
+
+    def seen_on(self, view: View) -> SurfacePoints:
+        """Return the same points of a mesh of the same shape; what it says there may be another."""
+        points = SurfacePoints(view, self.triangle, self.weight, self.position)
+        if "rectangle_coordinates" in self.__dict__:
+            points.__dict__["rectangle_coordinates"] = self.rectangle_coordinates
+        now, before = view.mesh.uv_map, self.view.mesh.uv_map
+        points._uv.update(
+            (name, uv) for name, uv in self._uv.items() if np.array_equal(now.get(name, ()), before[name])
+        )
+        return points
 
     def rectangle_size(self) -> np.ndarray:
         """Return the extent of the bounding rectangle in x and y [m], shape ``[2]``."""
         return self.view.high[:2] - self.view.low[:2]
 
     def uv(self, name: str, key: str) -> np.ndarray:
-        """Return coordinates in a UV map (the active one if ``name`` is empty), shape ``[n, 2]``."""
+        """Return coordinates in a UV map (the active one if ``name`` is empty), shape ``[n, 2]``; not to be changed."""
         mesh = self.view.mesh
         chosen = name or mesh.active_uv_map
         if not mesh.uv_map:
             raise ProblemError(f"{key} needs a UV map, and {mesh.name} has none; unwrap it, or map by position")
         if chosen not in mesh.uv_map:
             raise ProblemError(f'{key}: {mesh.name} has no UV map "{chosen}"; it has {_names(mesh.uv_map)}')
-        return self._blend(mesh.uv_map[chosen][mesh.corner[self.triangle]])
+        if chosen not in self._uv:
+            self._uv[chosen] = self._blend(mesh.uv_map[chosen][mesh.corner[self.triangle]])
+            self._uv[chosen].setflags(write=False)
+        return self._uv[chosen]
 
     def vertex_group(self, name: str, key: str) -> np.ndarray:
         """Return the weights of a vertex group, shape ``[n]``."""

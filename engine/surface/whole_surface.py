@@ -7,7 +7,6 @@ the solver can ask for them anywhere.
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -92,7 +91,7 @@ class WholeSurface:
         """Return the surface of a mesh of the same shape: only what it says at its points may be another."""
         whole = copy(self)
         whole.mesh = mesh
-        whole.points = replace(self.points, view=whole)
+        whole.points = self.points.seen_on(whole)
         return whole
 
     @property

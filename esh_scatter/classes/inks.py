@@ -79,7 +79,7 @@ def add_ink_classes(
 def _ink_area(channel: np.ndarray, chart: Chart) -> float:
     """Return how much of the surface an ink covers [m²]: every point counts by the pixel that it lies in."""
     height, width = channel.shape
-    x, y = chart.points.rectangle_coordinates().T
+    x, y = chart.points.rectangle_coordinates.T
     column = np.clip((x * width).astype(int), 0, width - 1)
     row = np.clip(((1.0 - y) * height).astype(int), 0, height - 1)
     return float(channel[row, column] @ chart.area[chart.area > 0.0])

@@ -123,7 +123,7 @@ class DensityReader:
         else:
             assert not isinstance(density, bpy.types.Image)
             values = sample_image(
-                check_density(density, key, empty=True), self.points.rectangle_coordinates(), repeat=False
+                check_density(density, key, empty=True), self.points.rectangle_coordinates, repeat=False
             )
         values = np.asarray(values, np.float32)
         if not np.isfinite(values).all():

@@ -185,7 +185,7 @@ def _image_at(density: ImageDensity, points: SurfacePoints, key: str) -> np.ndar
     assert isinstance(stored, StoredImage)
     name = f'{key}, image "{stored.name}",'
     by_uv = density.mapping == "UV"
-    coordinates = points.uv(density.uv_map, key) if by_uv else points.rectangle_coordinates()
+    coordinates = points.uv(density.uv_map, key) if by_uv else points.rectangle_coordinates
     moved = (density.tiling, density.offset, density.rotation) != ((1.0, 1.0), (0.0, 0.0), 0.0)
     if moved:
         coordinates = _moved(coordinates, density, np.ones(2) if by_uv else points.rectangle_size())

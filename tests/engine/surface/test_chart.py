@@ -70,7 +70,7 @@ def test_points_are_lifted_straight_up_onto_the_surface():
     np.testing.assert_allclose(found.position[:, 2], position[:, 0] * np.tan(np.radians(40.0)), atol=1e-9)
     expected = [-np.sin(np.radians(40.0)), 0.0, np.cos(np.radians(40.0))]
     np.testing.assert_allclose(found.normal, np.tile(expected, (300, 1)), atol=1e-6)
-    np.testing.assert_allclose(found.rectangle_coordinates(), position / [10.0, 5.0], atol=1e-9)
+    np.testing.assert_allclose(found.rectangle_coordinates, position / [10.0, 5.0], atol=1e-9)
 
 
 def test_points_beside_the_surface_come_to_its_nearest_point():
@@ -98,6 +98,20 @@ def test_what_the_mesh_says_is_interpolated_within_its_faces():
     for ask in (points.uv, points.vertex_group, points.attribute):
         with pytest.raises(ProblemError, match=r'key: target "Ground" has no .* "gone"; it has "'):
             ask("gone", "key")
+
+
+def test_coordinates_in_a_uv_map_are_those_of_the_mesh_that_is_seen_now():
+    corners = np.array([(0, 0), (0, 1), (1, 1), (0, 0), (1, 1), (1, 0)], np.float32)
+    first = Chart(slope(uv_map={"kept": corners, "moved": corners}, active_uv_map="kept"), resolution=16)
+    before = first.points.uv("", "k"), first.points.uv("moved", "k"), first.points.rectangle_coordinates
+    mesh = slope(uv_map={"kept": corners, "moved": corners + 1}, active_uv_map="moved")
+    points = first.with_mesh(mesh).points
+    assert points.uv("kept", "k") is before[0] and points.rectangle_coordinates is before[2]
+    np.testing.assert_allclose(points.uv("", "k"), before[1] + 1, atol=1e-6)
+    with pytest.raises(ProblemError, match="needs a UV map"):
+        first.with_mesh(slope()).points.uv("kept", "k")
+    with pytest.raises(ValueError, match="read-only"):
+        before[0][0] = 0.0
 
 
 def test_density_images_have_their_top_at_the_largest_y():
