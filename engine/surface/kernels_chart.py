@@ -164,3 +164,41 @@ def interpolate_image(
     lower = image[lower_row, left_column] * (1.0 - fx) + image[lower_row, right_column] * fx
     nearest = image[wp.where(fy < 0.5, upper_row, lower_row), wp.where(fx < 0.5, left_column, right_column)]
     value[i] = wp.where(nearest > 0.0, upper * (1.0 - fy) + lower * fy, 0.0)
+
+
+@wp.func
+def lattice_point(first: wp.int64, cuts: int, column: int, row: int):
+    """Number of a point among those of all triangles: rows towards the third corner, each a point shorter than the one before."""
+    return first + wp.int64(row * (cuts + 1) - row * (row - 1) / 2 + column)
+
+
+@wp.kernel(enable_backward=False)
+def interpolate_lattice(
+    first: int,
+    values: wp.array(dtype=float),
+    cuts: wp.array(dtype=wp.int64),
+    first_point: wp.array(dtype=wp.int64),
+    triangle: wp.array(dtype=wp.int64),
+    barycentric: wp.array(dtype=wp.vec3d),
+    # outputs
+    value: wp.array(dtype=wp.float64),
+):
+    """Interpolate values that are known at evenly spaced points of every triangle, ``cuts`` steps along each side; 0 or more."""
+    i = first + wp.tid()
+    start, steps = first_point[triangle[i]], int(cuts[triangle[i]])
+    one, zero = wp.float64(1.0), wp.float64(0.0)
+    along, up = barycentric[i][1] * wp.float64(steps), barycentric[i][2] * wp.float64(steps)
+    row = wp.clamp(int(wp.floor(up)), 0, steps - 1)
+    column = wp.clamp(int(wp.floor(along)), 0, steps - 1 - row)
+    u, v = along - wp.float64(column), up - wp.float64(row)
+    b, c = values[lattice_point(start, steps, column + 1, row)], values[lattice_point(start, steps, column, row + 1)]
+    a = float(0.0)
+    if u + v > one and column + row < steps - 1:
+        # In the triangle that stands on its tip.
+        a = values[lattice_point(start, steps, column + 1, row + 1)]
+        u, v = one - v, one - u
+    else:
+        a = values[lattice_point(start, steps, column, row)]
+    u, v = wp.clamp(u, zero, one), wp.clamp(v, zero, one)
+    total = (one - u - v) * wp.float64(a) + u * wp.float64(b) + v * wp.float64(c)
+    value[i] = wp.max(total, zero)

@@ -15,6 +15,8 @@ from ..problem.nearest_on_triangles import nearest_on_triangles
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface, SurfaceMesh
 from ..problem.unit_vectors import unit_vectors
+from . import kernels_chart
+from .launching import launch_on_cpu
 from .near_surface import NearSurface
 from .surface_points import SurfacePoints
 from .triangle_mesh import TriangleMesh
@@ -182,21 +184,11 @@ class SampledDensity:
     def __call__(self, points: PointsOnSurface) -> np.ndarray:
         """Return the values at points, shape ``[n]``, float64."""
         _, triangle, barycentric = points.source()
-        cuts = self._cuts[triangle]
-        along, up = (barycentric[:, k] * cuts for k in (1, 2))
-        row = np.clip(np.floor(up).astype(np.int64), 0, cuts - 1)
-        column = np.clip(np.floor(along).astype(np.int64), 0, cuts - 1 - row)
-        u, v = along - column, up - row
-        beyond = (u + v > 1.0) & (column + row < cuts - 1)
-        a = self._at(triangle, np.where(beyond, column + 1, column), np.where(beyond, row + 1, row))
-        b, c = self._at(triangle, column + 1, row), self._at(triangle, column, row + 1)
-        u, v = np.where(beyond, 1.0 - v, u), np.where(beyond, 1.0 - u, v)
-        u, v = np.clip(u, 0.0, 1.0), np.clip(v, 0.0, 1.0)
-        return np.maximum((1.0 - u - v) * a + u * b + v * c, 0.0)
-
-    def _at(self, triangle: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
-        cuts = self._cuts[triangle]
-        return self.values[self._first[triangle] + row * (cuts + 1) - row * (row - 1) // 2 + column].astype(np.float64)
+        value = np.empty(len(triangle))
+        index = (np.ascontiguousarray(numbers, np.int64) for numbers in (self._cuts, self._first, triangle))
+        inputs = [self.values, *index, np.ascontiguousarray(barycentric, np.float64)]
+        launch_on_cpu(kernels_chart.interpolate_lattice, len(value), inputs, [value])
+        return value
 
 
 def _pieces(cuts: int) -> np.ndarray:
