@@ -73,17 +73,15 @@ class Chart:
         self.shape = (max(1, math.ceil(height / cell - 1e-6)), max(1, math.ceil(width / cell - 1e-6)))
         self.cell = self.size / self.shape[::-1]
         rows, columns = self.shape
-        x = self.origin[0] + (np.arange(columns) + 0.5) * self.cell[0]
-        y = self.origin[1] + (np.arange(rows)[::-1] + 0.5) * self.cell[1]
-        xy = np.empty((rows, columns, 2))
-        xy[..., 0], xy[..., 1] = x, y[:, None]
-        spots: tuple[np.ndarray, ...] = view.cast(xy.reshape(-1, 2))
+        step = self.cell * (1.0, -1.0)
+        self._first_middle = self.origin + (0.5, rows - 0.5) * self.cell
+        spots: tuple[np.ndarray, ...] = view.cast_grid(self._first_middle, step, self.shape)
         self._filled = np.flatnonzero(spots[0] >= 0)
         if not len(self._filled):
             raise ProblemError(
                 f"{mesh.name} must be visible from above; it is too narrow", Refusal(Reason.NOT_SEEN_FROM_ABOVE, 1, 0)
             )
-        self._cut = self._cut_cells(xy)
+        self._cut = self._cut_cells(step)
         if len(self._filled) < rows * columns:
             spots = tuple(values[self._filled] for values in spots)
         self.points = SurfacePoints(self.view, *spots)
@@ -123,8 +121,8 @@ class Chart:
         stretch.setflags(write=False)
         return stretch
 
-    def _cut_cells(self, xy: np.ndarray) -> np.ndarray:
-        """Cells that the mesh's border cuts, whose middles are at ``xy`` [m]: what lies beyond it is drawn onto the surface.
+    def _cut_cells(self, step: np.ndarray) -> np.ndarray:
+        """Cells that the mesh's border cuts, ``step`` [m] from each other: what lies beyond it is drawn onto the surface.
 
         There are none where hardly anything would be left.
         """
@@ -136,7 +134,8 @@ class Chart:
         if not len(edge):
             return edge
         corner = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * (0.5 * INSIDE * self.cell)
-        around = (xy.reshape(-1, 2)[edge, None] + corner).reshape(-1, 2)
+        middle = self._first_middle + np.stack([edge % columns, edge // columns], axis=1) * step
+        around = (middle[:, None] + corner).reshape(-1, 2)
         whole = (self.view.cast(around)[0] >= 0).reshape(-1, 4).all(axis=1)
         cut = edge[~whole]
         return cut if len(cut) <= MOST_CUT * len(self._filled) else cut[:0]

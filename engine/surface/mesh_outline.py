@@ -93,10 +93,9 @@ def outline_from_above(mesh: TriangleMesh) -> Outline:
         return _disc_around(mesh)
     columns, rows = np.maximum(np.ceil(size / size.max() * RESOLUTION).astype(int), 16)
     step = size / [columns, rows]
-    x = view.low[0] + (np.arange(columns) + 0.5) * step[0]
-    y = view.low[1] + (np.arange(rows) + 0.5) * step[1]
-    xy = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    hit = (view.cast(xy)[0] >= 0).reshape(rows, columns)
+    first = view.low[:2] + 0.5 * step
+    hit = (view.cast_grid(first, step, (int(rows), int(columns)))[0] >= 0).reshape(rows, columns)
+    x, y = (start + np.arange(count) * width for start, count, width in zip(first, (columns, rows), step, strict=True))
     area = float(hit.mean() * size.prod())
     if area <= UPRIGHT * size.max() ** 2:
         return _disc_around(mesh)

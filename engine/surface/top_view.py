@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from . import kernels_chart
+from . import kernels_chart, kernels_raster
 from .launching import launch_on_cpu
 from .triangle_mesh import TriangleMesh
 
@@ -17,6 +17,8 @@ Spots = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 # Upright triangles hide nothing, but rays along them meet them by rounding.
 SMALLEST_SEEN_COSINE = 1e-5
+# What one thread draws at a time.
+ROWS_PER_BAND = 8
 
 
 class TopView:
@@ -50,6 +52,29 @@ class TopView:
         above = 0.5 * (self.high[2] - self.low[2]) + 0.01 * self.extent
         return self._ask(kernels_chart.cast_down, xy, above)
 
+    def cast_grid(self, origin: np.ndarray, step: np.ndarray, shape: tuple[int, int]) -> Spots:
+        """Return what :meth:`cast` does at the points of a grid, row after row: drawn, which takes a fraction of the time.
+
+        Args:
+            origin: x and y of the first point [m].
+            step: From one to the next along x, above 0, and from one row to the next along y [m].
+            shape: Rows and columns.
+        """
+        grid = kernels_raster.Grid()
+        grid.origin, grid.step = wp.vec2d(*origin), wp.vec2d(*step)
+        grid.rows, grid.columns = rows, columns = shape
+        mesh, count = self.mesh, rows * columns
+        reach = np.empty((len(self._seen), 2), np.int32)
+        launch_on_cpu(kernels_raster.find_rows, len(reach), [self._seen, mesh.position, mesh.triangle, grid], [reach])
+        listed, start = _listed_by_band(reach, -(-rows // ROWS_PER_BAND))
+        topmost, height = np.empty(count, np.int32), np.empty(count)
+        inputs = [self._seen, reach, listed, start, ROWS_PER_BAND, mesh.position, mesh.triangle, grid]
+        launch_on_cpu(kernels_raster.draw_bands, len(start) - 1, inputs, [height, topmost])
+        weight, lifted = np.empty((count, 3), np.float32), np.empty((count, 3))
+        inputs = [topmost, mesh.position, mesh.triangle, grid]
+        launch_on_cpu(kernels_raster.lift_grid, count, inputs, [weight, lifted])
+        return topmost, weight, lifted
+
     def nearest(self, position: np.ndarray) -> Spots:
         """Return the points of the mesh that are nearest to every ``position`` ``[n, 3]``."""
         return self._ask(kernels_chart.find_nearest, position, 4.0 * self.extent)
@@ -78,3 +103,23 @@ class TopView:
             inputs = [self._built.id, self._seen, mesh.position, mesh.triangle, where, wp.vec3d(self.middle), reach]
             launch_on_cpu(kernel, count, inputs, list(spots))
         return spots
+
+
+def _listed_by_band(reach: np.ndarray, bands: int) -> tuple[np.ndarray, np.ndarray]:
+    """List the triangles that reach into every band of rows, in their order.
+
+    Args:
+        reach: First and last row of every triangle, shape ``[t, 2]``.
+        bands: Number of bands.
+
+    Returns:
+        Their numbers, band after band, and where those of every band begin, shape ``[bands + 1]``; both int32.
+    """
+    there = np.flatnonzero(reach[:, 0] <= reach[:, 1])
+    first, last = (reach[there] // ROWS_PER_BAND).T
+    count = last - first + 1
+    # The bands of a triangle follow each other.
+    band = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - first, count)
+    order = np.argsort(band.astype(np.uint16 if bands < 1 << 16 else np.int64), kind="stable")
+    start = np.concatenate([[0], np.cumsum(np.bincount(band, minlength=bands))])
+    return np.repeat(there, count)[order].astype(np.int32), start.astype(np.int32)

@@ -51,6 +51,38 @@ def test_the_topmost_triangle_is_seen(soup):
     np.testing.assert_allclose(blended + FAR, position[met], rtol=0, atol=1e-6)
 
 
+@pytest.mark.parametrize("down", [1.0, -1.0])
+def test_a_grid_sees_what_its_points_see_one_by_one(soup, down):
+    view = TopView(soup)
+    step = np.array([2.0 / 90, down * 2.0 / 70])
+    # It begins beside the mesh and ends within it, or the other way.
+    first = FAR[:2] + [-1.1, -down * 1.2]
+    triangle, weight, position = view.cast_grid(first, step, (70, 90))
+    x, y = first[0] + np.arange(90) * step[0], first[1] + np.arange(70) * step[1]
+    one_by_one = view.cast(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+    np.testing.assert_array_equal(triangle, one_by_one[0])
+    met = triangle >= 0
+    assert 0.2 < met.mean() < 1.0
+    np.testing.assert_allclose(weight[met], one_by_one[1][met], atol=1e-6)
+    np.testing.assert_allclose(position[met], one_by_one[2][met], rtol=0, atol=1e-9)
+
+
+def test_a_grid_leaves_no_gaps_between_triangles_and_sees_the_first_of_equally_high_ones():
+    rng = np.random.default_rng(8)
+    # Corners lie on points of the grid, edges go through some; each triangle is there twice.
+    x, y = np.meshgrid(np.arange(21.0), np.arange(21.0))
+    position = np.stack([x, y, rng.uniform(0.0, 3.0, x.shape)], axis=-1).reshape(-1, 3) * [0.1, 0.3, 1.0] + FAR
+    corner = (np.arange(20)[:, None] * 21 + np.arange(20)).ravel()
+    faces = np.concatenate([corner[:, None] + [0, 1, 22], corner[:, None] + [0, 22, 21]]).astype(np.int32)
+    faces = np.concatenate([faces, faces])
+    mesh = TriangleMesh(
+        "sheet", position, faces, faces, np.arange(len(faces), dtype=np.int32), np.zeros((0, 3), np.float32)
+    )
+    triangle, _, lifted = TopView(mesh).cast_grid(FAR[:2], np.array([0.05, 0.15]), (41, 41))
+    assert triangle.min() >= 0 and triangle.max() < 800
+    np.testing.assert_allclose(lifted.reshape(41, 41, 3)[::2, ::2].reshape(-1, 3), position, rtol=0, atol=1e-9)
+
+
 def test_the_nearest_point_is_found(soup):
     view = TopView(soup)
     place = np.random.default_rng(7).uniform(-2.0, 2.0, (300, 3)) + FAR
