@@ -1,7 +1,7 @@
 """Kernels that draw a mesh seen from above on a grid: which triangle is topmost at every point.
 
-Everything is in float64. Where an edge meets a row is worked out from its lower end, whichever triangle asks: two that share it leave no
-gap.
+Everything is in float64. Where an edge meets a row is worked out from its lower end, whichever triangle asks: two that share it
+leave no gap.
 """
 
 from __future__ import annotations
