@@ -131,6 +131,23 @@ def blend_normals(
         normal[i] = wp.normalize(upward)
 
 
+@wp.kernel(enable_backward=False)
+def blend_values(
+    first: int,
+    corner: wp.array(dtype=wp.vec3i),
+    triangle: wp.array(dtype=wp.int32),
+    weight: wp.array(dtype=wp.vec3),
+    values: wp.array2d(dtype=float),
+    # outputs
+    blended: wp.array2d(dtype=float),
+):
+    """Interpolate values, each row those of a vertex or a face corner, within triangles."""
+    i = first + wp.tid()
+    at, w = corner[triangle[i]], weight[i]
+    for k in range(values.shape[1]):
+        blended[i, k] = w[0] * values[at[0], k] + w[1] * values[at[1], k] + w[2] * values[at[2], k]
+
+
 @wp.func
 def repeated(x: wp.float64) -> wp.float64:
     """Coordinate in an image that repeats; 1 itself is the image's right or upper edge, not the start of its next copy."""

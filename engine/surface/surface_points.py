@@ -10,6 +10,8 @@ import numpy as np
 
 from ..errors import ProblemError
 from ..problem.image_filters import luminance
+from . import kernels_chart
+from .launching import launch_on_cpu
 from .triangle_mesh import TriangleMesh
 
 __all__ = ["SurfacePoints", "View"]
@@ -93,7 +95,7 @@ class SurfacePoints:
         if chosen not in mesh.uv_map:
             raise ProblemError(f'{key}: {mesh.name} has no UV map "{chosen}"; it has {_names(mesh.uv_map)}')
         if chosen not in self._uv:
-            self._uv[chosen] = self._blend(mesh.uv_map[chosen][mesh.corner[self.triangle]])
+            self._uv[chosen] = self._blend(mesh.uv_map[chosen], mesh.corner)
             self._uv[chosen].setflags(write=False)
         return self._uv[chosen]
 
@@ -102,7 +104,7 @@ class SurfacePoints:
         mesh = self.view.mesh
         if name not in mesh.vertex_group:
             raise ProblemError(f'{key}: {mesh.name} has no vertex group "{name}"; it has {_names(mesh.vertex_group)}')
-        return self._blend(mesh.vertex_group[name][mesh.triangle[self.triangle]])
+        return self._blend(mesh.vertex_group[name], mesh.triangle)
 
     def attribute(self, name: str, key: str) -> np.ndarray:
         """Return the values of an attribute, colors by their luminance, shape ``[n]``."""
@@ -116,10 +118,16 @@ class SurfacePoints:
             values = luminance(values)
         if domain == "FACE":
             return values[mesh.face[self.triangle]]
-        return self._blend(values[(mesh.triangle if domain == "POINT" else mesh.corner)[self.triangle]])
+        return self._blend(values, mesh.triangle if domain == "POINT" else mesh.corner)
 
-    def _blend(self, values: np.ndarray) -> np.ndarray:
-        return np.einsum("nk,nk...->n...", self.weight, values)
+    def _blend(self, values: np.ndarray, corner: np.ndarray) -> np.ndarray:
+        """Return values, float32, between those at the corners of triangles, shape ``[n]`` or ``[n, k]`` as they are."""
+        rows = np.ascontiguousarray(values, np.float32).reshape(len(values), -1)
+        blended = np.empty((len(self.triangle), rows.shape[1]), np.float32)
+        numbers = (np.ascontiguousarray(number, np.int32) for number in (corner, self.triangle))
+        inputs = [*numbers, np.ascontiguousarray(self.weight, np.float32), rows]
+        launch_on_cpu(kernels_chart.blend_values, len(blended), inputs, [blended])
+        return blended.reshape(-1, *values.shape[1:])
 
 
 def _names(mapping: dict) -> str:
