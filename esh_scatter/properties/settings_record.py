@@ -50,11 +50,11 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
 
     Returns:
         Ready for JSON: ``target``, ``scatter``, and ``classes`` by their numbers, in their order, with their ``sizes``; ``names`` of
-        what was looked into, which have no influence.
+        these and of what was looked into, which have no influence.
     """
     more = OF_OUTLINES if scatter.avoid_overlap else ()
     target = scatter.first_target
-    names: dict[str, str] = {}
+    names = {str(c.uid): c.name for c in classes}
     return {
         "target": target and state_of_targets(scatter),
         "scatter": _without_defaults(_values(scatter, names, "scatter") | _kept_off(scatter), scatter.bl_rna),
@@ -183,7 +183,9 @@ def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[s
         else:
             found.append(f"{groups[uid].name} is new")
     found += [
-        f"without {groups[uid].name}" if uid in groups else "a class was removed" for uid in old if uid not in new
+        f"without {groups[uid].name}" if uid in groups else f"{before['names'].get(uid, 'a class')} was removed"
+        for uid in old
+        if uid not in new
     ]
     return list(dict.fromkeys(found)) or ["the order of the classes" if list(old) != list(new) else "settings"]
 

@@ -337,9 +337,9 @@ def test_what_has_changed_is_said_in_the_words_of_the_sidebar(scatter):
     beech.mute = True
     assert scatter.changes() == ["without Beech"]
     scatter.remove_class(1)
-    assert scatter.changes() == ["a class was removed"]
+    assert scatter.changes() == ["Beech was removed"]
     scatter.add_class().sizes[0].source_object = bpy.data.objects["Tree"]
-    assert scatter.changes() == ["Class is new", "a class was removed"]
+    assert scatter.changes() == ["Class is new", "Beech was removed"]
     scatter.remember(scatter.result, {"steps": 3})
     scatter.classes.move(0, 1)
     assert scatter.changes() == ["the order of the classes"]
