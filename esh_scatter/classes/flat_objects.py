@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import bpy
 import numpy as np
 
-from ..targets.target import shown_collection, world_matrix
+from .placed_boxes import placed_boxes
 
 __all__ = ["lift_for", "lift_of_class"]
 
@@ -40,8 +39,7 @@ def lift_of_class(body_class: Any) -> float:
 
 
 def _lift_of_size(size: Any) -> float:
-    items = {"OBJECT": [size.source], "COLLECTION": size.choices()[0]}.get(size.source_kind, ())
-    extents = [_extent_as_placed(item) for item in items if shown_collection(item) is None]
+    extents = [np.ptp(box, axis=0) for box in placed_boxes(size)]
     if size.area_kind != "MESH":
         # They are as large as it takes to cover this.
         area = size.area if size.area_kind == "VALUE" else size.area_largest
@@ -53,10 +51,3 @@ def _fitted(extent: np.ndarray, area: float) -> np.ndarray:
     covered = float(extent[0] * extent[1])
     fitted: np.ndarray = extent * math.sqrt(area / covered) if covered > 0.0 else extent
     return fitted
-
-
-def _extent_as_placed(item: bpy.types.Object) -> np.ndarray:
-    """Return how long, wide and high an object is as it stands [m], shape ``[3]``."""
-    corners = np.array(item.bound_box) @ world_matrix(item, bpy.context)[:3, :3].T
-    extent: np.ndarray = np.ptp(corners, axis=0)
-    return extent

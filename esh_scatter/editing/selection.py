@@ -17,6 +17,7 @@ from ...engine.surface.chart import Chart
 from ...engine.surface.whole_surface import WholeSurface
 from ..classes.flat_objects import lift_for
 from ..classes.object_outline import outline_of, read_source
+from ..classes.sunk_objects import is_sunk
 from ..classes.survey import Survey
 from ..targets.references import Reference
 from ..targets.target import head_of, members_of, shown_collection, world_matrix
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Measured", "SelectionSurvey", "add_classes", "measure", "pleasant_counts"]
 
-# An object of which more than this share is below its origin has it in its middle, as new shapes have, and not at its foot.
-BELOW_ORIGIN = 0.35
 # Ground is scattered on from above if so much of what does not look down is seen there: of hills all is, however steep, of a ball
 # most, of a wall a twentieth. What looks down may be a terrain's bottom.
 LEAST_OPEN = 0.4
@@ -210,7 +209,7 @@ def _stand_on(item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh,
         # A trunk with its origin in its middle has it below the middle of the tree.
         own = (np.array(head.bound_box) @ world_matrix(head, context)[:3, :3].T)[:, 2]
         low, high = float(own.min()), float(own.max())
-    return "LOWEST" if -low > BELOW_ORIGIN * (high - low) else "ORIGIN"
+    return "LOWEST" if is_sunk(low, high) else "ORIGIN"
 
 
 def pleasant_counts(areas: Sequence[float], ground: float, cover: float, most: int) -> list[int]:

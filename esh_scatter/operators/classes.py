@@ -12,6 +12,7 @@ import bpy
 from bpy.props import EnumProperty, StringProperty
 
 from ..classes.flat_objects import lift_of_class
+from ..classes.sunk_objects import sunk_share_of_class
 from ..editing.class_copy import CLASS_PARTS, copy_class
 from ..properties.body_class import ESH_PG_class
 from ..properties.names import unused_name
@@ -63,6 +64,25 @@ class ESH_OT_class_lift(ClassEdit):
         """Lift them; the result shows it at once."""
         body_class = selected_class(context)
         body_class.offset = lift_of_class(body_class)
+        return {"FINISHED"}
+
+
+class ESH_OT_class_raise(ClassEdit):
+    """Have the objects of the selected class stand on their lowest points: their origins are in their middles. Rotation and Scale has Stand On"""  # noqa: E501
+
+    bl_idname = "esh.class_raise"
+    bl_label = "Stand on Lowest Point"
+    _missing = "Select a class of objects whose origin is in their middle and stands on the ground"
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        scatter = active_scatter(context)
+        body_class = scatter and scatter.active_class
+        return (body_class and sunk_share_of_class(body_class)) or None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Raise them; the result shows it at once."""
+        selected_class(context).stand_on = "LOWEST"
         return {"FINISHED"}
 
 
@@ -213,5 +233,6 @@ CLASSES = (
     ESH_OT_class_overlap,
     ESH_OT_class_remove,
     ESH_OT_class_lift,
+    ESH_OT_class_raise,
     ESH_OT_class_move,
 )

@@ -5,6 +5,7 @@ import bpy
 from ...engine.problem.body_class import ClassSettings
 from ...engine.problem.scatter_settings import Standing
 from ..classes.flat_objects import lift_of_class
+from ..classes.sunk_objects import sunk_share_of_class
 from ..editing.class_copy import KEPT_APART
 from ..properties.body_class import DERIVED_COUNTS
 from ..properties.scene import active_scatter, selected_class, selected_scatter
@@ -67,12 +68,12 @@ class ESH_PT_class(_ClassPanel, bpy.types.Panel):
                 return
             column.separator()
             _draw_source(context, column, size)
-            _draw_lift(context, column, body_class)
+            _draw_in_ground(context, column, body_class)
             column.prop(size, "count" if body_class.count_kind == "SIZES" else "share")
         else:
             size = body_class.sizes[0]
             _draw_source(context, column, size)
-            _draw_lift(context, column, body_class)
+            _draw_in_ground(context, column, body_class)
             _draw_count(context, column, body_class)
         column.separator()
         column.prop(size, "area_kind")
@@ -181,11 +182,18 @@ def _draw_source(context: bpy.types.Context, column: bpy.types.UILayout, size: b
         _draw_variants(column, size)
 
 
-def _draw_lift(context: bpy.types.Context, column: bpy.types.UILayout, body_class: bpy.types.PropertyGroup) -> None:
-    """Say of flat objects in the ground's plane that they flicker, and offer the way out."""
+def _draw_in_ground(
+    context: bpy.types.Context, column: bpy.types.UILayout, body_class: bpy.types.PropertyGroup
+) -> None:
+    """Say of flat objects in the ground's plane that they flicker, of others that they are half sunk, and offer the way out."""
     if lift_of_class(body_class):
         write_text(context, column, "Flat objects flicker where they lie in the ground", icon="INFO")
         column.operator("esh.class_lift", icon="TRIA_UP_BAR")
+    elif share := sunk_share_of_class(body_class):
+        one = len(body_class.sizes) == 1 and body_class.sizes[0].source_kind == "OBJECT"
+        said = f"{'' if one else 'Up to '}{share:.0%} of their height is in the ground"
+        write_text(context, column, said, icon="INFO")
+        column.operator("esh.class_raise", icon="TRIA_UP_BAR")
 
 
 def _draw_variants(column: bpy.types.UILayout, size: bpy.types.PropertyGroup) -> None:

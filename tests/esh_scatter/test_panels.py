@@ -403,11 +403,18 @@ def test_rows_show_what_is_placed_where_there_is_room():
     assert {"1.5 m apart", "mute"} <= set(narrow) and "show_viewport" not in narrow, "the name has that room"
 
 
-def test_flat_objects_in_the_ground_are_told_of():
+def test_flat_objects_in_the_ground_and_those_half_in_it_are_told_of():
     scatter = ready_scatter()
     assert "esh.class_lift" in draw_all(), "what is placed there is a square"
     scatter.classes[0].offset = 0.1
     assert "esh.class_lift" not in draw_all()
+    tree = bpy.data.objects["Tree"].data
+    tree.vertices[0].co.z, tree.vertices[2].co.z, scatter.classes[0].offset = -1.0, 1.0, 0.0
+    tree.update()
+    bpy.context.view_layer.update()
+    assert {"esh.class_raise", "50% of their height is in the ground"} <= set(draw_all(400))
+    scatter.classes[0].add_size()
+    assert "Up to 50% of their height is in the ground" in draw_all(400)
 
 
 class Named(Layout):

@@ -8,6 +8,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.engine.problem.scatter_settings import TargetSettings  # noqa: E402
+from esh.esh_scatter.classes.sunk_objects import sunk_share_of_class  # noqa: E402
 from esh.esh_scatter.editing import selection  # noqa: E402
 from esh.esh_scatter.editing.selection import SelectionSurvey  # noqa: E402
 from mathutils import Matrix  # noqa: E402
@@ -161,6 +162,23 @@ def test_of_flat_objects_that_were_chosen_by_hand_it_is_said_and_one_click_lifts
     size.area_kind, size.area = "VALUE", 0.02
     bpy.ops.esh.class_lift()
     assert body_class.offset == pytest.approx(0.004), "of a quarter of the ground, half as long"
+
+
+def test_of_objects_that_are_half_sunk_it_is_said_and_one_click_has_them_stand_on_their_lowest_points(scatter):
+    body_class = scatter.classes[scatter.class_index]
+    size = body_class.sizes[0]
+    assert not bpy.ops.esh.class_raise.poll(), "its origin is at its foot"
+    size.source_object = crate = box("Crate", 1.0, 1.0, 1.0)
+    for low, share in ((-0.5, 0.5), (-0.2, 0.0), (-1.0, 0.0)):
+        crate.data.transform(Matrix.Translation((0.0, 0.0, low - crate.data.vertices[0].co.z)))
+        bpy.context.view_layer.update()
+        assert sunk_share_of_class(body_class) == pytest.approx(share), "roots are in the ground, and lamps hang"
+    crate.rotation_euler.x = math.pi
+    crate.data.transform(Matrix.Translation((0.0, 0.0, 0.6)))
+    bpy.context.view_layer.update()
+    assert sunk_share_of_class(body_class) == pytest.approx(0.6), "as it is turned"
+    assert bpy.ops.esh.class_raise() == {"FINISHED"} and body_class.stand_on == "LOWEST"
+    assert not bpy.ops.esh.class_raise.poll(), "once is enough"
 
 
 def test_cover_most_mixing_and_seed_can_be_tuned(ground, objects):

@@ -20,6 +20,7 @@ BUTTONS = {
     "class_add": {},
     "class_remove": {},
     "class_lift": {},
+    "class_raise": {},
     "class_duplicate": {},
     "class_copy": {},
     "classes_sort": {},
@@ -172,6 +173,11 @@ def make_ready(name):
         scatter.seed += 1
     elif name == "class_copy":
         scatter.classes[0].tilt = 0.25
+    elif name == "class_raise":
+        tree = bpy.data.objects["Tree"].data
+        tree.vertices[0].co.z, tree.vertices[2].co.z = -1.0, 1.0
+        tree.update()
+        bpy.context.view_layer.update()
     elif name == "variants_list":
         scatter.classes[0].sizes[1].variants.clear()
 
