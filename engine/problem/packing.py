@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -96,15 +97,24 @@ def scale_to_fit(images: Sequence[np.ndarray], fits: float) -> float:
 
 
 def in_cells(image: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Mean of an image over every cell of a coarse grid, float64, shape ``[rows, columns]``."""
-    down, across = (_overlaps(of, cells) for of, cells in zip(image.shape, shape, strict=True))
-    return (down.astype(np.float32) @ image.astype(np.float32, copy=False)).astype(np.float64) @ across.T
+    """Mean of an image over every cell of a grid, float64, shape ``[rows, columns]``."""
+    return _mean_of_rows(_mean_of_rows(image, shape[0]).T, shape[1]).T
 
 
-def _overlaps(pixels: int, cells: int) -> np.ndarray:
-    """Share of every cell that lies on every pixel, shape ``[cells, pixels]``."""
-    edges = np.arange(cells + 1) * (pixels / cells)
-    column = np.arange(pixels)
-    low = np.maximum(edges[:-1, None], column)
-    high = np.minimum(edges[1:, None], column + 1.0)
-    return np.maximum(high - low, 0.0) * (cells / pixels)
+def _mean_of_rows(image: np.ndarray, cells: int) -> np.ndarray:
+    """Mean of the rows that lie in every cell of the first axis, shape ``[cells, columns]``.
+
+    From what all rows up to the edges of a cell sum up to: a product with the overlaps of cells and rows takes half a second on the
+    grids of small bodies.
+    """
+    rows = len(image)
+    total = np.zeros((rows + 1, image.shape[1]))
+    # A row at a time, which is several times as fast as what NumPy accumulates.
+    for (before, after), row in zip(pairwise(total), np.ascontiguousarray(image), strict=True):
+        np.add(before, row, out=after)
+    edges = np.arange(cells + 1) * (rows / cells)
+    cut = np.minimum(edges.astype(np.int64), rows - 1)
+    part = (edges - cut)[:, None]
+    at_edges = total[cut] + part * (total[cut + 1] - total[cut])
+    mean: np.ndarray = np.diff(at_edges, axis=0) * (cells / rows)
+    return mean

@@ -11,6 +11,7 @@ from esh.engine.problem.footprint import Footprint
 from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.line import Line
 from esh.engine.problem.obstacles import Obstacle
+from esh.engine.problem.packing import in_cells
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
@@ -22,6 +23,17 @@ PLANK = Footprint.rectangle(2.0, 0.3)
 def problem_of(footprint, count, density=1.0, side=20.0, **kwargs):
     size = Size("s", count=count, footprint=footprint)
     return Problem(Domain((side, side)), [BodyClass("a", [size], density)], avoid_overlap=True, **kwargs)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (5, 20), (13, 7), (64, 3)])
+def test_means_over_cells_are_those_of_pixels_cut_at_their_edges(shape):
+    image = np.random.default_rng(3).random((7, 13), np.float32)
+    image[:3], image[:, -4:] = 0.0, 0.0
+    # All edges of cells and of pixels lie on the finer grid.
+    fine = np.kron(image, np.ones(shape)).astype(np.float64)
+    expected = fine.reshape(shape[0], 7, shape[1], 13).mean(axis=(1, 3))
+    found = in_cells(image, shape)
+    assert found == pytest.approx(expected, abs=1e-6) and np.all(found[expected == 0.0] == 0.0)
 
 
 def test_the_cover_counts_the_ground_where_bodies_may_be():
