@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import bpy
 
 from ...engine.errors import EshError
-from ..solving import running
+from ..solving import live, running
 from ..solving.background_run import BackgroundRun
 from ..targets.references import Reference
 
@@ -239,7 +239,8 @@ def _work() -> float | None:
     if asked is None or not isinstance(scene, bpy.types.Scene) or bpy.context.scene != scene:
         return None
     scatters = scene.esh_scatter.scatters
-    if asked[1] >= len(scatters):
+    if asked[1] >= len(scatters) or live.is_busy(scene, scatters[asked[1]]):
+        # What Live follows, its report says; whoever draws that asks again.
         return None
     work = _Work(_read(scatters[asked[1]], scene), scene, asked[1])
     _going = BackgroundRun(work.run), work

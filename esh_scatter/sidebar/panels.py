@@ -336,13 +336,14 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
         row.prop_enum(scatter, "surface", "WHOLE")
         return
     report = scatter.report
+    follows = live.is_busy(context.scene, scatter)
     # The dearest part of drawing: made once.
     record = scatter.record()
     if report is not None and scatter.result_in(context.scene) is None:
         write_text(context, column, _why_no_result(context.scene, scatter), icon="INFO")
     elif report is not None:
         changes = scatter.changes(record)
-        if changes and live.is_busy(context.scene, scatter):
+        if changes and follows:
             write_text(context, column, "Following …", icon="FILE_REFRESH")
         elif changes:
             more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
@@ -360,8 +361,8 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
         write_text(context, column, words.behind_rule(said), icon="INFO")
     elif said:
         write_text(context, column, said, icon="ERROR")
-    # Where all found room, nothing was unavoidable.
-    if report is None or scatter.changes(record) or words.has_trouble(report):
+    # Where all found room, nothing was unavoidable. What Live follows, it will say soon: a forecast would only hold it up.
+    if not follows and (report is None or scatter.changes(record) or words.has_trouble(report)):
         _draw_forecast(context, column, scatter, record)
     left_out = scatter.left_out()
     if left_out:

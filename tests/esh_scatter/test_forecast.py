@@ -73,13 +73,16 @@ def work():
         time.sleep(0.01)
 
 
-def test_drawing_does_not_wait_and_knows_what_was_worked_out(scatter):
+def test_drawing_does_not_wait_and_knows_what_was_worked_out(scatter, monkeypatch):
     scene = bpy.context.scene
     assert forecast.known(scatter, scene) is None
     forecast.look(scene, 0)
     assert forecast.known(scatter, scene).covered > 1.0
     scatter.classes[0].sizes[0].count = 271
     assert forecast.known(scatter, scene) is None
+    with monkeypatch.context() as patched:
+        patched.setattr(forecast.live, "is_busy", lambda *_: True)
+        assert forecast._work() is None and forecast.known(scatter, scene) is None, "what Live follows, it says"
     work()
     assert forecast.known(scatter, scene).covered == pytest.approx(271 * 0.0048)
     # What is changed meanwhile is worked out after that.

@@ -278,7 +278,7 @@ def test_the_status_is_one_line_under_the_button():
     assert drawn[drawn.index("live") + 1] == 'Class "Pine": choose its density image'
 
 
-def test_overlap_is_said_before_a_run_and_shown_after_it():
+def test_overlap_is_said_before_a_run_and_shown_after_it(monkeypatch):
     scatter = ready_scatter()
     scatter.classes[0].sizes[0].count = 3
     forecast.look(bpy.context.scene, 0)
@@ -286,6 +286,11 @@ def test_overlap_is_said_before_a_run_and_shown_after_it():
     text = "Overlap is unavoidable: it covers 300% of the ground, about"
     assert any(line.startswith(text) for line in drawn) and "esh.counts_to_fit" in drawn
     assert {"room", "gap"} <= set(drawn) and "esh.frame_overlap" not in drawn
+    with monkeypatch.context() as patched:
+        patched.setattr(panels.live, "is_busy", lambda *_: True)
+        assert "Following …" in (followed := draw_all(800)) and "esh.counts_to_fit" not in followed, (
+            "its report says it"
+        )
     scatter.remember(new_result(scatter.target), report(overlaps=2, deepest_pair=[0, 1], deepest_overlap=0.1))
     assert {"esh.select_overlapping", "esh.frame_overlap"} <= set(draw_all())
     told = report(overlaps=2, notes=[Cover(3.0, 0.8, 0.0).warning])
