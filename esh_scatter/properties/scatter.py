@@ -146,6 +146,10 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         before = self._ran_with_record()
         return bool(before) and settings_record.only_counts_differ(before, now)
 
+    def ran_with_class(self, body_class: ESH_PG_class) -> bool:
+        """Tell whether a class took part in the last run."""
+        return bool(self.report_json) and str(body_class.uid) in _parse_record(self.ran_with).get("classes", {})
+
     def names_in_report(self) -> list[str]:
         """Return the names of the report's classes, as they are called now."""
         from ..result.kept_ground import CLASSES_OF_POINTS

@@ -23,14 +23,17 @@ def _points_of_class(body_class: PropertyGroup) -> tuple[bpy.types.Object, int] 
 
 
 def stand_class_anew(body_class: PropertyGroup, _context: object) -> None:
-    """Change in the result how the objects of a class stand; where that cannot be done, the result is out of date."""
+    """Change in the result how the objects of a class stand; where that cannot be done, the result is out of date.
+
+    Of a class that is new since the last run, there is nothing to change.
+    """
     from ..result.kept_ground import can_stand_anew, stand_anew
 
     found = _points_of_class(body_class)
     if found and can_stand_anew(found[0]):
         stand_anew(*found, body_class.standing(), body_class.look_at())
         scatter_of(body_class).remember_look(body_class)
-    elif scatter_of(body_class).report_json and not body_class.mute:
+    elif not body_class.mute and scatter_of(body_class).ran_with_class(body_class):
         scatter_of(body_class).ran_with = "{}"
 
 

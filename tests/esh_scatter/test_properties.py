@@ -339,7 +339,12 @@ def test_what_has_changed_is_said_in_the_words_of_the_sidebar(scatter):
     scatter.remove_class(1)
     assert scatter.changes() == ["Beech was removed"]
     scatter.add_class().sizes[0].source_object = bpy.data.objects["Tree"]
+    scatter.classes[1].stand_on = "LOWEST"
     assert scatter.changes() == ["Class is new", "Beech was removed"]
+    scatter.class_index = 0
+    assert bpy.ops.esh.class_duplicate() == {"FINISHED"}
+    assert scatter.changes() == ["Pine 2 is new", "Class is new", "Beech was removed"]
+    scatter.remove_class(1)
     scatter.remember(scatter.result, {"steps": 3})
     scatter.classes.move(0, 1)
     assert scatter.changes() == ["the order of the classes"]
