@@ -33,6 +33,9 @@ __all__ = [
 # What is said of an image or weights, and of an object or a collection, whose contents have changed.
 PAINTED, EDITED = " painted", " edited"
 
+# What is said where a target was changed for another, and under which key the name of a collection is kept that is one.
+TARGET, COLLECTION = "target", "scatter.target_collection"
+
 # How a record says that there is nothing of something: no obstacles, no places set by hand and no pins, no curve.
 NOTHING: tuple[Any, ...] = ([], [[], []])
 # What says how many there are, of a class and of a size.
@@ -173,8 +176,11 @@ def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[s
     """Name what differs between two records, with the words of the sidebar; never empty."""
     if not before:
         return ["settings"]
-    found = ["shape or place of the target"] if before["target"] != now["target"] else []
-    found += _differing(before["scatter"], now["scatter"], scatter)
+    found = _differing(before["scatter"], now["scatter"], scatter)
+    if before["target"] != now["target"]:
+        # Where it is the same collection, only its members differ.
+        same_name = before["names"].get(COLLECTION) == now["names"].get(COLLECTION)
+        found = ["shape or place of the target", *(what for what in found if not (same_name and what == TARGET))]
     old, new = before["classes"], now["classes"]
     groups = {str(c.uid): c for c in scatter.classes}
     for uid in new:

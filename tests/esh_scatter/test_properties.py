@@ -407,6 +407,12 @@ def test_a_collection_is_a_target(scatter):
     bpy.context.view_layer.update()
     assert scatter.changes() == ["shape or place of the target"]
     rocks[1].location.x -= 1.0
+    holder.objects.unlink(rocks[1])
+    assert "target" not in scatter.changes(), "it is the same collection"
+    holder.objects.link(rocks[1])
+    holder.name = "Stones"
+    scatter.target_collection = bpy.data.collections.new("Others")
+    assert "target" in scatter.changes()
     scatter.target_kind = "OBJECT"
     bpy.context.view_layer.update()
     assert "target kind" in scatter.changes()
