@@ -13,21 +13,31 @@ from ...engine.errors import ProblemError
 from ..targets.evaluated_mesh import vertices_in_world
 from ..targets.target import check_target
 
-__all__ = ["attach", "begin_to_paint", "detach", "unsaved_images"]
+__all__ = ["PAINTED_IN", "attach", "begin_to_paint", "can_be_painted", "detach", "unsaved_images"]
 
+# Kinds of layers that are painted, and the mode in which that is done.
+PAINTED_IN = {"IMAGE": "PAINT_TEXTURE", "VERTEX_GROUP": "PAINT_WEIGHT", "ATTRIBUTE": "PAINT_VERTEX"}
 # What a UV map is called that lays an image over the target as it is seen from above.
 UV_MAP = "From Above"
+
+
+def can_be_painted(layer: Any, target: bpy.types.Object | None) -> bool:
+    """Tell whether what a layer follows on a mesh is painted by hand, or made for that; of attributes only colors are."""
+    if layer.kind != "ATTRIBUTE" or target is None:
+        return layer.kind in PAINTED_IN
+    mesh = target.data
+    return layer.attribute in mesh.color_attributes or layer.attribute not in mesh.attributes
 
 
 def begin_to_paint(
     context: bpy.types.Context, target: bpy.types.Object, layer: Any, name: str, resolution: int
 ) -> None:
-    """Go into the mode that paints what a layer follows; make image, UV map or vertex group where they are missing.
+    """Go into the mode that paints what a layer follows; make image, UV map, vertex group or colors where they are missing.
 
     Args:
         context: Whose view layer.
         target: The mesh that is painted on.
-        layer: A layer of the kind ``IMAGE`` or ``VERTEX_GROUP``.
+        layer: A layer that can be painted.
         name: Of what is made.
         resolution: Pixels along each side of a new image.
 
@@ -45,6 +55,8 @@ def begin_to_paint(
     context.view_layer.objects.active = target
     if layer.kind == "VERTEX_GROUP":
         _paint_weights(target, layer, name)
+    elif layer.kind == "ATTRIBUTE":
+        _paint_colors(context, target, layer, name)
     else:
         _paint_image(context, target, layer, name, resolution)
 
@@ -54,6 +66,20 @@ def _paint_weights(target: bpy.types.Object, layer: Any, name: str) -> None:
         layer.vertex_group = target.vertex_groups.new(name=name).name
     target.vertex_groups.active = target.vertex_groups[layer.vertex_group]
     bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
+
+
+def _paint_colors(context: bpy.types.Context, target: bpy.types.Object, layer: Any, name: str) -> None:
+    mesh = target.data
+    is_new = layer.attribute not in mesh.color_attributes
+    if is_new:
+        made = mesh.color_attributes.new(name=layer.attribute or name, type="FLOAT_COLOR", domain="POINT")
+        # Black: nothing stands there before something is painted.
+        made.data.foreach_set("color", np.tile(np.array([0.0, 0.0, 0.0, 1.0], np.float32), len(mesh.vertices)))
+        layer.attribute = made.name
+    mesh.color_attributes.active_color = mesh.color_attributes[layer.attribute]
+    bpy.ops.object.mode_set(mode="VERTEX_PAINT")
+    if is_new:
+        _paint_white(context, context.scene.tool_settings.vertex_paint)
 
 
 def _paint_image(context: bpy.types.Context, target: bpy.types.Object, layer: Any, name: str, resolution: int) -> None:
@@ -77,12 +103,11 @@ def _paint_image(context: bpy.types.Context, target: bpy.types.Object, layer: An
     paint.mode, paint.canvas = "IMAGE", layer.image
     bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
     if is_new:
-        _paint_white(context)
+        _paint_white(context, paint)
 
 
-def _paint_white(context: bpy.types.Context) -> None:
+def _paint_white(context: bpy.types.Context, paint: bpy.types.Paint) -> None:
     """Have the brush paint white, and black with Ctrl: Blender's is black at first, which on a black image does nothing."""
-    paint = context.scene.tool_settings.image_paint
     # Since Blender 5.0 every mode has its own.
     shared = getattr(paint, "unified_paint_settings", None) or context.scene.tool_settings.unified_paint_settings
     for owner in (shared, paint.brush):

@@ -86,12 +86,8 @@ class ESH_OT_layer_move(MoveEntry):
     _entry, _missing = "layer", "Select a layer first"
 
 
-# What can be painted.
-PAINTED = ("IMAGE", "VERTEX_GROUP")
-
-
 class ESH_OT_layer_paint(ClassEdit):
-    """Paint where the selected class stands. An image or a vertex group is created if there is none"""
+    """Paint where the selected class stands. An image, a vertex group or a color attribute is created if there is none"""
 
     bl_idname = "esh.layer_paint"
     bl_label = "Paint Density"
@@ -103,10 +99,11 @@ class ESH_OT_layer_paint(ClassEdit):
             (
                 "SELECTED",
                 "Selected Layer",
-                "The image or the vertex group of the selected layer; a new image where there is none",
+                "The image, the vertex group or the colors of the selected layer; a new image where there is none",
             ),
             ("IMAGE", "New Image", "A layer with an image of its own"),
             ("VERTEX_GROUP", "New Vertex Group", "A layer with a vertex group of its own"),
+            ("ATTRIBUTE", "New Color Attribute", "A layer with vertex colors of its own"),
         ),
         default="SELECTED",
     )
@@ -124,19 +121,20 @@ class ESH_OT_layer_paint(ClassEdit):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Make what is missing, and begin to paint."""
-        from ..editing.painting import begin_to_paint
+        from ..editing.painting import begin_to_paint, can_be_painted
 
         scatter, body_class = selected_scatter(context), selected_class(context)
-        layer = body_class.active_layer
+        layer, target = body_class.active_layer, scatter.first_target
         if self.kind != "SELECTED":
             layer = body_class.add_layer(self.kind)
-        elif not any(one.kind in PAINTED for one in body_class.layers):
+        elif not any(can_be_painted(one, target) for one in body_class.layers):
             layer = body_class.add_layer("IMAGE")
-        elif layer is None or layer.kind not in PAINTED:
-            self.report({"ERROR"}, "Select a layer that follows an image or a vertex group, or paint a new one")
+        elif layer is None or not can_be_painted(layer, target):
+            text = "Select a layer that follows an image, a vertex group or a color attribute, or paint a new one"
+            self.report({"ERROR"}, text)
             return {"CANCELLED"}
         try:
-            begin_to_paint(context, scatter.first_target, layer, body_class.name, self.resolution)
+            begin_to_paint(context, target, layer, body_class.name, self.resolution)
         except EshError as error:
             self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}

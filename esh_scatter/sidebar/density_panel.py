@@ -7,17 +7,12 @@ from typing import Any
 import bpy
 
 from ..densities.density_curve import curve_node
-from ..editing.painting import unsaved_images
+from ..editing.painting import PAINTED_IN, can_be_painted, unsaved_images
 from ..properties.described import shown_settings
 from . import density_preview
 from .panel_parts import draw_image, draw_property, is_narrow
 
 __all__ = ["draw_density", "is_painted"]
-
-# Kinds of layers that are painted, and the mode in which that is done.
-PAINTED_IN = {"IMAGE": "PAINT_TEXTURE", "VERTEX_GROUP": "PAINT_WEIGHT"}
-# And those in which they are painted after somebody has gone there: colors are attributes.
-_ENDED_IN = {**PAINTED_IN, "ATTRIBUTE": "PAINT_VERTEX"}
 
 
 def draw_density(context: bpy.types.Context, column: bpy.types.UILayout, scatter: Any, body_class: Any) -> list[str]:
@@ -58,9 +53,9 @@ def is_painted(context: bpy.types.Context, scatter: Any) -> bool:
     """Tell whether somebody is in the mode that paints a layer of a scatter, on one of its targets."""
     layers = (layer for body_class in scatter.classes for layer in body_class.layers)
     return (
-        context.mode in _ENDED_IN.values()
+        context.mode in PAINTED_IN.values()
         and any(item.mode != "OBJECT" for item in scatter.targets)
-        and any(_ENDED_IN.get(layer.kind) == context.mode for layer in layers)
+        and any(PAINTED_IN.get(layer.kind) == context.mode for layer in layers)
     )
 
 
@@ -122,5 +117,5 @@ def _draw_source(
             # Another layer's is painted, or none: undo and redo take away what strokes go to.
             column.operator("esh.layer_paint", text="Paint This Image", icon="BRUSH_DATA").kind = "SELECTED"
         column.operator("object.mode_set", text="Done", icon="CHECKMARK").mode = "OBJECT"
-    elif kind in PAINTED_IN:
+    elif can_be_painted(layer, target):
         column.operator("esh.layer_paint", text="Paint", icon="BRUSH_DATA").kind = "SELECTED"

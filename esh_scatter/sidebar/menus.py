@@ -3,6 +3,7 @@
 import bpy
 
 from .. import operators
+from ..editing.painting import PAINTED_IN
 from ..editing.preset_files import built_in_presets
 from ..properties.layer import KINDS
 from ..properties.scene import active_scatter
@@ -77,8 +78,12 @@ class ESH_MT_layer_paint(bpy.types.Menu):
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw the menu."""
-        for kind in ("IMAGE", "VERTEX_GROUP"):
-            self.layout.operator("esh.layer_paint", text=f"New {KINDS[kind].label}", icon=KINDS[kind].icon).kind = kind
+        for kind in PAINTED_IN:
+            # Of all attributes only colors are painted.
+            label, icon = (
+                ("Color Attribute", "GROUP_VCOL") if kind == "ATTRIBUTE" else (KINDS[kind].label, KINDS[kind].icon)
+            )
+            self.layout.operator("esh.layer_paint", text=f"New {label}", icon=icon).kind = kind
 
 
 class ESH_MT_presets(bpy.types.Menu):

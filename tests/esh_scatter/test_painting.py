@@ -6,7 +6,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter import registration  # noqa: E402
-from esh.esh_scatter.editing.painting import unsaved_images  # noqa: E402
+from esh.esh_scatter.editing.painting import can_be_painted, unsaved_images  # noqa: E402
 from esh.esh_scatter.targets import checksums  # noqa: E402
 
 
@@ -34,6 +34,20 @@ def test_a_vertex_group_is_made_and_weights_are_painted(scatter):
     bpy.ops.object.mode_set(mode="OBJECT")
     assert bpy.ops.esh.layer_paint(kind="SELECTED") == {"FINISHED"}
     assert len(scatter.active_class.layers) == len(scatter.target.vertex_groups) == 1
+
+
+def test_a_color_attribute_is_made_black_and_its_colors_are_painted(scatter):
+    assert bpy.ops.esh.layer_paint(kind="ATTRIBUTE") == {"FINISHED"}
+    layer, colors = scatter.active_class.active_layer, scatter.target.data.color_attributes
+    assert (layer.kind, layer.attribute) == ("ATTRIBUTE", "Pine") and scatter.target.mode == "VERTEX_PAINT"
+    assert colors.active_color == colors["Pine"] and all(one.color[:] == (0, 0, 0, 1) for one in colors["Pine"].data)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert bpy.ops.esh.layer_paint(kind="SELECTED") == {"FINISHED"} and len(colors) == 1
+    bpy.ops.object.mode_set(mode="OBJECT")
+    layer.attribute = scatter.target.data.attributes.new("moist", "FLOAT", "POINT").name
+    assert not can_be_painted(layer, scatter.target), "numbers are not painted"
+    layer.attribute = "wet"
+    assert bpy.ops.esh.layer_paint(kind="SELECTED") == {"FINISHED"} and "wet" in scatter.target.data.color_attributes
 
 
 def test_an_image_is_made_black_and_lies_as_seen_from_above(scatter):
@@ -82,7 +96,7 @@ def test_painted_images_are_packed_when_the_file_is_saved(scatter, tmp_path):
 def test_why_nothing_can_be_painted_is_said(scatter):
     scatter.active_class.add_layer("IMAGE")
     scatter.active_class.add_layer("NOISE")
-    with pytest.raises(RuntimeError, match="Select a layer that follows an image or a vertex group"):
+    with pytest.raises(RuntimeError, match="Select a layer that follows an image, a vertex group or a color attribute"):
         bpy.ops.esh.layer_paint(kind="SELECTED")
     scatter.target.hide_viewport = True
     with pytest.raises(RuntimeError, match='"Ground" must be visible'):

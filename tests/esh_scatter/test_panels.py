@@ -15,6 +15,7 @@ from esh.engine.problem.scatter_settings import ScatterSettings  # noqa: E402
 from esh.esh_scatter import operators, registration  # noqa: E402
 from esh.esh_scatter.api import ScatterJob  # noqa: E402
 from esh.esh_scatter.editing import forecast  # noqa: E402
+from esh.esh_scatter.editing.painting import PAINTED_IN  # noqa: E402
 from esh.esh_scatter.editing.preset_files import built_in_presets  # noqa: E402
 from esh.esh_scatter.properties import settings_record  # noqa: E402
 from esh.esh_scatter.properties.asked_once import asked_once  # noqa: E402
@@ -186,7 +187,7 @@ def test_every_density_draws_its_own_fields_with_and_without_a_target(kind):
     fields |= {"ALTITUDE": "altitude_low", "FACING": "facing_width", "NOISE": "noise_seed"}
     drawn = draw_all()
     assert {fields[kind], "invert", "blend", "strength", "use_curve", "mapping", "layers"} <= set(drawn)
-    assert ("esh.layer_paint" in drawn) == (kind in ("IMAGE", "VERTEX_GROUP"))
+    assert ("esh.layer_paint" in drawn) == (kind in ("IMAGE", "VERTEX_GROUP", "ATTRIBUTE"))
     bpy.data.node_groups.remove(layer.curve)
     assert "mapping" not in draw_all()
     bpy.data.objects.remove(scatter.target)
@@ -536,7 +537,7 @@ def test_a_checkbox_stands_below_the_other_fields_where_its_name_fits():
 def test_painting_ends_where_it_began():
     scatter = ready_scatter()
     body_class = scatter.classes[0]
-    for kind, mode in (("IMAGE", "PAINT_TEXTURE"), ("VERTEX_GROUP", "PAINT_WEIGHT")):
+    for kind, mode in PAINTED_IN.items():
         body_class.layers.clear()
         body_class.add_layer(kind)
         drawn: dict[str, list[str]] = {}
