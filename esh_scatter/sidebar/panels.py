@@ -103,7 +103,9 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
             layout.operator("object.mode_set", text="Done Painting", icon="CHECKMARK").mode = "OBJECT"
         with asked_once():
             _draw_status(context, layout.column(align=True), scatter)
-        if result is not None and is_left_out(result, context):
+        if result is not None and real_objects.real_objects_of(result) is not None:
+            _draw_real(context, layout.column(align=True), "The instances are real objects now")
+        elif result is not None and is_left_out(result, context):
             write_text(context, layout, "The result is not in this local view; View > Local View ends it", icon="INFO")
         _draw_foreign(context, layout.column(), context.scene.esh_scatter.scatters)
         if checksums.is_old():
@@ -216,8 +218,7 @@ class ESH_PT_instances(SubPanel, bpy.types.Panel):
         result = scatter.result_in(context.scene)
         assert result is not None
         if real_objects.real_objects_of(result) is not None:
-            write_text(context, column, "The instances are real objects now, and the result is hidden", icon="INFO")
-            column.operator_menu_enum("esh.instances_from_real", "changes", icon="LOOP_BACK")
+            _draw_real(context, column, "The instances are real objects now, and the result is hidden")
             return
         editing = result.mode == "EDIT"
         row = column.row()
@@ -368,6 +369,12 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
     if left_out:
         more = f" (and {len(left_out) - 1} more)" if len(left_out) > 1 else ""
         write_text(context, column, f"{left_out[0]}{more}", icon="ERROR")
+
+
+def _draw_real(context: bpy.types.Context, column: bpy.types.UILayout, said: str) -> None:
+    """Say that there are real objects in place of instances, and offer the way back."""
+    write_text(context, column, said, icon="INFO")
+    column.operator_menu_enum("esh.instances_from_real", "changes", icon="LOOP_BACK")
 
 
 def _why_no_result(scene: bpy.types.Scene, scatter: ESH_PG_scatter) -> str:

@@ -569,7 +569,7 @@ def test_painting_can_be_ended_near_the_top_of_the_sidebar():
     bpy.ops.object.mode_set(mode="OBJECT")
 
 
-def test_while_instances_are_edited_the_top_says_what_to_do_and_ends_it():
+def test_while_instances_are_edited_or_real_the_top_says_so_and_leads_back():
     scatter = ready_scatter()
     bpy.context.view_layer.objects.active = scatter.result
     bpy.ops.object.mode_set(mode="EDIT")
@@ -579,6 +579,13 @@ def test_while_instances_are_edited_the_top_says_what_to_do_and_ends_it():
     assert drawn.count("esh.instances_edit") == 2, "and in the panel of instances"
     bpy.ops.object.mode_set(mode="OBJECT")
     assert "esh.scatter" in draw_all()
+    bpy.data.collections.new("Objects")["esh_real_of"] = scatter.result
+    drawn = draw_all(900)
+    assert (
+        drawn.index("The instances are real objects now")
+        < drawn.index("esh.instances_from_real")
+        < drawn.index("classes")
+    )
 
 
 def test_of_a_result_without_a_scatter_it_is_said_where_its_settings_are(tmp_path):
