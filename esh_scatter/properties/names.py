@@ -7,7 +7,19 @@ from itertools import count
 
 from bpy.types import Object, PropertyGroup
 
-__all__ = ["class_renamed", "keep_name_unused", "scatter_of", "scatter_renamed", "take_name_of_result", "unused_name"]
+__all__ = [
+    "NEW_CLASS",
+    "class_renamed",
+    "keep_name_unused",
+    "name_class_after",
+    "scatter_of",
+    "scatter_renamed",
+    "take_name_of_result",
+    "unused_name",
+]
+
+# What a class is called until something to place is chosen.
+NEW_CLASS = "Class"
 
 # Bytes of a name that every Blender keeps; what is longer may have been cut.
 KEPT = 63
@@ -31,6 +43,16 @@ def keep_name_unused(item: PropertyGroup, _context: object) -> None:
     name = unused_name(item.name.strip() or item.KIND, taken)
     if name != item.name:
         item.name = name
+
+
+def name_class_after(size: PropertyGroup) -> None:
+    """Name a class that nobody has named after what its only size places."""
+    body_class = size.id_data.path_resolve(size.path_from_id().rpartition(".sizes[")[0])
+    stem, _, number = body_class.name.rpartition(" ")
+    has_own = body_class.name != NEW_CLASS and not (stem == NEW_CLASS and number.isdecimal())
+    if size.source is not None and len(body_class.sizes) == 1 and not has_own:
+        # Lists of names are separated by commas.
+        body_class.name = size.source.name.replace(",", " ")
 
 
 def class_renamed(item: PropertyGroup, context: object) -> None:

@@ -23,7 +23,7 @@ from .body_class import CLASS_COLORS, ESH_PG_class
 from .deleted import in_a_scene
 from .described import values_from, with_properties
 from .entries import entry_at
-from .names import scatter_renamed, take_name_of_result, unused_name
+from .names import NEW_CLASS, scatter_renamed, take_name_of_result, unused_name
 from .obstacle import ESH_PG_free_place, ESH_PG_obstacle
 from .placed import ESH_PG_placed, remember_placed, replaced
 from .shown_at_once import show_class_anew, stand_class_anew
@@ -167,7 +167,7 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
     def add_class(self) -> ESH_PG_class:
         """Append a class with one size, select it and return it."""
         body_class = self.classes.add()
-        body_class.name = unused_name("Class", {other.name for other in self.classes[:-1]})
+        body_class.name = unused_name(NEW_CLASS, {other.name for other in self.classes[:-1]})
         self.give_uid(body_class)
         used = [tuple(other.color) for other in self.classes[:-1]]
         free = [color for color in CLASS_COLORS if not any(_close(color, other) for other in used)]

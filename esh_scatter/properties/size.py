@@ -14,7 +14,7 @@ from ...engine.problem.size import Size
 from ..targets.target import FAMILY_OF, members_of
 from .deleted import in_a_scene
 from .described import property_of, values_from
-from .names import keep_name_unused
+from .names import keep_name_unused, name_class_after
 from .shown_at_once import choose_variants_anew, place_others
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ _SIZE = settings_of(Size)
 def remember_source(size: "ESH_PG_size", context: object) -> None:
     """Note whether the object to place is in a scene: if it no longer is later, it was deleted there."""
     size.source_was_in_scene = size.source_object is not None and in_a_scene(size.source_object)
+    name_class_after(size)
     place_others(size, context)
 
 
@@ -40,6 +41,7 @@ def list_variants(size: "ESH_PG_size", context: object) -> None:
         entry.item = item
         if item in weights:
             entry.weight = weights[item]
+    name_class_after(size)
     place_others(size, context)
 
 

@@ -43,6 +43,10 @@ def test_names_in_a_list_differ(scatter):
     assert [c.name for c in scatter.classes] == ["Pine", "Pine 2"]
     scatter.classes[1].name = "   "
     assert scatter.classes[1].name == "Class"
+    scatter.classes[1].sizes[0].source_object = bpy.data.objects["Tree"]
+    assert scatter.classes[1].name == "Tree", "it is named after what it places first, and keeps that"
+    scatter.classes[1].sizes[0].source_object = scatter.target
+    assert scatter.classes[1].name == "Tree"
     scatter.classes[1].name = "Beech"
     assert scatter.classes[1].name == "Beech"
     first, second = scatter.classes[0].sizes[0], scatter.classes[0].add_size()
@@ -340,10 +344,10 @@ def test_what_has_changed_is_said_in_the_words_of_the_sidebar(scatter):
     assert scatter.changes() == ["Beech was removed"]
     scatter.add_class().sizes[0].source_object = bpy.data.objects["Tree"]
     scatter.classes[1].stand_on = "LOWEST"
-    assert scatter.changes() == ["Class is new", "Beech was removed"]
+    assert scatter.changes() == ["Tree is new", "Beech was removed"]
     scatter.class_index = 0
     assert bpy.ops.esh.class_duplicate() == {"FINISHED"}
-    assert scatter.changes() == ["Pine 2 is new", "Class is new", "Beech was removed"]
+    assert scatter.changes() == ["Pine 2 is new", "Tree is new", "Beech was removed"]
     scatter.remove_class(1)
     scatter.remember(scatter.result, {"steps": 3})
     scatter.classes.move(0, 1)

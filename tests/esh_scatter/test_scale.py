@@ -88,7 +88,7 @@ def test_in_the_sidebar_it_shows_at_once_and_the_next_run_makes_room(scatter):
     one = scatter.classes[0]
     one.scale = 3.0
     assert (read_attribute(scatter.result.data, "scale") == 3.0).all(), "without a run"
-    assert scatter.changes() == ["scale of Class"]
+    assert scatter.changes() == ["scale of Thing"]
     assert np.allclose(places(scatter.result.data), before, atol=1e-5)
     one.scale = 1.0
     assert not scatter.outdated and (read_attribute(scatter.result.data, "scale") == 1.0).all()

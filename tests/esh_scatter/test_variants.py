@@ -119,7 +119,7 @@ def test_the_sidebar_has_weights_and_collections_as_one():
     assert [entry.item for entry in size.variants] == [ash, oak] and size.as_argument().weights is None
     scatter.remember(quad("Result", 1.0), {"steps": 3})
     size.variants[1].weight = 3.0
-    assert size.as_argument().weights == {"Oak": 3.0} and scatter.changes() == ["weights of Class"]
+    assert size.as_argument().weights == {"Oak": 3.0} and scatter.changes() == ["weights of Trees"]
     quad("Birch", 0.3, collection=trees)
     assert bpy.ops.esh.variants_list() == {"FINISHED"}
     assert [(entry.item.name, entry.weight) for entry in size.variants] == [("Ash", 1.0), ("Birch", 1.0), ("Oak", 3.0)]
@@ -196,7 +196,7 @@ def test_weights_of_objects_with_other_footprints_need_a_run(scattered):
     before = shown(scattered)
     scattered.classes[1].sizes[0].variants[1].weight = 5.0
     np.testing.assert_array_equal(shown(scattered), before)
-    assert scattered.changes() == ["weights of Class 2"]
+    assert scattered.changes() == ["weights of Trees"]
     # Of discs that were asked for, all are alike.
     scattered.classes[1].sizes[0].area_kind, scattered.classes[1].sizes[0].shape = "VALUE", "DOT"
     scattered.classes[1].sizes[0].area = 0.1
@@ -230,7 +230,7 @@ def test_an_object_of_the_same_footprint_takes_the_place_of_another_at_once(scat
     bpy.ops.esh.scatter()
     assert places(scattered) == where and not scattered.outdated
     size.source_object = quad("Bush", 0.8)
-    assert scattered.changes() == ["object of Class 2"] and (shown(scattered)[150:] == "Spruce").all()
+    assert scattered.changes() == ["object of Trees"] and (shown(scattered)[150:] == "Spruce").all()
 
 
 def test_a_collection_of_the_same_footprints_takes_the_place_of_another_at_once(scattered):
