@@ -22,6 +22,15 @@ __all__ = [
 ]
 
 
+# What inputs were called in earlier versions; the modifier's panel cut these names.
+FORMER = {
+    "Viewport Share": "Share",
+    "Follow Target": "Follow",
+    "Camera Culling": "Culling",
+    "Limit Renders": "In Renders",
+}
+
+
 def our_modifier(item: bpy.types.Object) -> bpy.types.Modifier | None:
     """Return the modifier that places the objects of a result, or None where somebody has removed it."""
     return next(
@@ -47,7 +56,7 @@ def matrix_of_points(item: bpy.types.Object) -> np.ndarray:
     modifier = our_modifier(item)
     if modifier is not None and undoes_own_transform(modifier.node_group):
         there = any(one.target is not None for one in followed_targets(modifier.node_group))
-        if there and get_inputs(modifier).get("Follow Target", True):
+        if there and get_inputs(modifier).get("Follow", True):
             return np.eye(4)
     return np.array(item.matrix_world, np.float64)
 
@@ -108,7 +117,7 @@ def _inputs(modifier: bpy.types.Modifier) -> Iterator[tuple[str, str]]:
     group = modifier.node_group
     for item in group.interface.items_tree if group is not None else ():
         if item.item_type == "SOCKET" and item.in_out == "INPUT" and item.socket_type != "NodeSocketGeometry":
-            yield item.name, item.identifier
+            yield FORMER.get(item.name, item.name), item.identifier
 
 
 def _owner(modifier: bpy.types.Modifier, identifier: str) -> tuple[Any, str]:

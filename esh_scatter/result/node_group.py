@@ -221,13 +221,13 @@ def build_node_group(
     tree.column(1)
     back = tree.add("FunctionNodeCombineMatrix").outputs[0]
     if followed:
-        told = {"points": points, "follow": inputs["Follow Target"]}
+        told = {"points": points, "follow": inputs["Follow"]}
         points, follows = tree.part("Follow", lambda part: _follow(part, followed), own=True, **told)
         (back,) = tree.part(WAY_BACK, _way_back, follows=follows)
     rotation = tree.attribute(ROTATION, "QUATERNION")
     tree.column(2)
     in_viewport = tree.call("GeometryNodeIsViewport")
-    limited = tree.either(in_viewport, inputs["Limit Renders"])
+    limited = tree.either(in_viewport, inputs["In Renders"])
     hidden = _hidden(tree, in_viewport, limited, back, classes)
     tree.column(5)
     index = tree.switch("INT", hidden, tree.attribute(INSTANCE_INDEX, "INT"), -1)
@@ -269,20 +269,20 @@ def _take_inputs(tree: Tree, classes: Sequence[str], follow: bool) -> None:
     share = {"min_value": 0.0, "max_value": 1.0, "subtype": "FACTOR"}
     length = {"min_value": 0.0, "subtype": "DISTANCE"}
     tree.take("Geometry", "NodeSocketGeometry")
-    tree.take("Viewport Share", "NodeSocketFloat", 1.0, help="Share of the objects that the viewport shows", **share)
+    tree.take("Share", "NodeSocketFloat", 1.0, help="Share of the objects that the viewport shows", **share)
     tree.take("Display", "NodeSocketMenu", help="What the viewport shows of every object")
     tree.take("Scale", "NodeSocketFloat", 1.0, help="Factor on the size of every object", min_value=0.0)
     if follow:
-        tree.take("Follow Target", "NodeSocketBool", True, help="Move with the target, and bend with it")
+        tree.take("Follow", "NodeSocketBool", True, help="Move with the target, and bend with it")
     panel = tree.group.interface.new_panel("Camera", default_closed=True)
     told = "Leave out what the active camera does not see"
-    tree.take("Camera Culling", "NodeSocketBool", False, help=told, parent=panel)
+    tree.take("Culling", "NodeSocketBool", False, help=told, parent=panel)
     told = "How far outside the view objects are still shown, as a share of the picture"
     tree.take("Margin", "NodeSocketFloat", 0.1, help=told, parent=panel, min_value=0.0)
     told = "How far from the camera objects are shown. 0 means no limit"
     tree.take("Distance", "NodeSocketFloat", 0.0, help=told, parent=panel, **length)
     told = "Apply share, display and camera culling to renders, too"
-    tree.take("Limit Renders", "NodeSocketBool", False, help=told, parent=panel)
+    tree.take("In Renders", "NodeSocketBool", False, help=told, parent=panel)
     if classes:
         panel = tree.group.interface.new_panel("Classes", default_closed=True)
         for class_name in classes:
@@ -293,8 +293,8 @@ def _hidden(tree: Tree, in_viewport: Socket, limited: Socket, back: Socket, clas
     """Tell which points are hidden; a matrix leads from where they are ``back`` into the result's own space."""
     inputs = tree.inputs
     limits = {
-        "share": inputs["Viewport Share"],
-        "culling": inputs["Camera Culling"],
+        "share": inputs["Share"],
+        "culling": inputs["Culling"],
         "margin": inputs["Margin"],
         "distance": inputs["Distance"],
     }

@@ -38,7 +38,7 @@ SAME = 1e-5
 # What a copy of an object to place is not.
 _NOT_COPIED = ("esh_asset", "esh_prototype")
 # What a result is shown as while its instances are read: all of it.
-_WHOLE = {"Display": DISPLAYS[0], "Viewport Share": 1.0, "Camera Culling": False}
+_WHOLE = {"Display": DISPLAYS[0], "Share": 1.0, "Culling": False}
 
 
 class _Instances(NamedTuple):

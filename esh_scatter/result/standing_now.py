@@ -128,7 +128,7 @@ def moved_with(result: bpy.types.Object, position: np.ndarray, context: bpy.type
     mesh = result.data
     turned = np.broadcast_to(np.eye(3), (len(position), 3, 3))
     modifier = our_modifier(result)
-    if modifier is not None and get_inputs(modifier).get("Follow Target", True) and WEIGHTS in mesh.attributes:
+    if modifier is not None and get_inputs(modifier).get("Follow", True) and WEIGHTS in mesh.attributes:
         followed = followed_targets(modifier.node_group)
         targets = [_target_now(one, context) for one in followed]
         # Of earlier versions: a target that has lost or got vertices is not followed, and then none is.

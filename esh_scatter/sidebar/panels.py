@@ -253,13 +253,13 @@ class ESH_PT_display(SubPanel, bpy.types.Panel):
         result = scatter.result_in(context.scene)
         modifier = our_modifier(result) if result is not None else None
         if modifier is not None:
-            _draw_inputs(column, modifier, ("Display", "Viewport Share", "Scale", "Follow Target"))
+            _draw_inputs(column, modifier, ("Display", "Share", "Scale", "Follow"))
             column.separator()
-            culling = input_property(modifier, "Camera Culling")
-            _draw_inputs(column, modifier, ("Camera Culling",))
-            if culling and get_inputs(modifier)["Camera Culling"]:
+            culling = input_property(modifier, "Culling")
+            _draw_inputs(column, modifier, ("Culling",))
+            if culling and get_inputs(modifier)["Culling"]:
                 _draw_inputs(column, modifier, ("Margin", "Distance"))
-            _draw_inputs(column, modifier, ("Limit Renders",))
+            _draw_inputs(column, modifier, ("In Renders",))
             column.separator()
         column.prop(scatter, "points_above")
         column.prop(scatter, "cap")
@@ -418,8 +418,7 @@ def _draw_inputs(column: bpy.types.UILayout, modifier: bpy.types.Modifier, names
     for name in names:
         found = input_property(modifier, name)
         if found is not None:
-            # The panel says that it is of the viewport; a narrow sidebar would cut it.
-            column.prop(*found, text=name.removeprefix("Viewport "))
+            column.prop(*found, text=name)
 
 
 # In the order that they are drawn in; parents come before what is in them.

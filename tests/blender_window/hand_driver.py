@@ -177,7 +177,7 @@ def display():
     modifier = module.our_modifier(scatter().result)
     top = yield from hand.turn_panel("ESH_PT_display")
     before = instances()
-    share = dict(module._inputs(modifier))["Viewport Share"]
+    share = dict(module._inputs(modifier))["Share"]
     yield from hand.press(share, across=0.7, first=top, times=2)
     yield from hand.keys("ctrl+a")
     yield from hand.write("0.5")

@@ -208,7 +208,7 @@ def test_what_an_empty_shows_leaves_as_the_empty_stands(tmp_path):
 
 @pytest.mark.parametrize("ending", [".ply", ".geojson", ".usda", ".glb"])
 def test_a_result_that_was_moved_comes_back_where_it_stands(result, tmp_path, ending):
-    set_inputs(our_modifier(result.object), {"Follow Target": False})
+    set_inputs(our_modifier(result.object), {"Follow": False})
     result.object.matrix_world = Matrix.Translation((3, 4, 5)) @ Matrix.Rotation(0.5, 4, "X") @ Matrix.Scale(2, 4)
     bpy.context.view_layer.update()
     shown = instances()
@@ -311,7 +311,7 @@ def test_mistakes_are_one_sentence(result, tmp_path):
     with pytest.raises(EshError, match=r'`sources\["tree"\]` must be an object; got 3'):
         esh.export_result(tmp_path / "a.ply", result.object)
         esh.import_placement(tmp_path / "a.ply", {"tree": 3})
-    set_inputs(our_modifier(result.object), {"Follow Target": False})
+    set_inputs(our_modifier(result.object), {"Follow": False})
     result.object.scale = (1.0, 2.0, 1.0)
     bpy.context.view_layer.update()
     with pytest.raises(EshError, match="must have the same scale along all axes"):

@@ -102,11 +102,11 @@ def test_every_real_object_is_where_its_instance_was(scatter):
 
 def test_the_share_of_the_viewport_hides_none_and_stays(scatter):
     modifier = our_modifier(scatter.result)
-    set_inputs(modifier, {"Viewport Share": 0.2, "Display": "Points"})
+    set_inputs(modifier, {"Share": 0.2, "Display": "Points"})
     bpy.ops.esh.instances_make_real()
     assert len(real_objects.real_objects_of(scatter.result).objects) == 27
     inputs = get_inputs(modifier)
-    assert inputs["Viewport Share"] == pytest.approx(0.2) and inputs["Display"] == "Points"
+    assert inputs["Share"] == pytest.approx(0.2) and inputs["Display"] == "Points"
 
 
 def test_without_changes_all_is_as_it_was(scatter):

@@ -41,7 +41,7 @@ def bend(item):
 
 def alone(result, name, value):
     """Transform a result that follows no target: one that does stays on it."""
-    set_inputs(our_modifier(result), {"Follow Target": False})
+    set_inputs(our_modifier(result), {"Follow": False})
     setattr(result, name, value)
 
 
