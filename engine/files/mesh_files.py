@@ -12,6 +12,7 @@ from ..errors import InputFileError, ProblemError
 from ..problem.surface import SurfaceMesh
 from .input_file import check_is_file
 from .obj_polygons import without_concave_polygons
+from .ply_meshes import read_ply_mesh
 
 __all__ = ["ACCEPTED", "read_meshes"]
 
@@ -33,23 +34,29 @@ def read_meshes(path: str | Path) -> list[SurfaceMesh]:
     if path.suffix.lower() not in ACCEPTED:
         raise InputFileError(f"{path} must end in {', '.join(ACCEPTED)}; got the ending {path.suffix!r}")
     check_is_file(path, f"a mesh is a file in one of the formats {', '.join(ACCEPTED)}")
-    import trimesh
-
     try:
-        scene = _scene_of(path)
-        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
+        meshes = _meshes_of(path)
+    except ProblemError as error:
+        raise InputFileError(f"{path}: {error}") from None
     except Exception as error:  # whatever the readers of trimesh stumble over
         raise InputFileError(
             f"{path} cannot be read as a mesh: {' '.join(str(error).split()) or 'no reason given'}"
         ) from None
-    parts = [part for part in parts if len(part.faces)]
-    if not parts:
+    if not meshes:
         raise InputFileError(f"{path} must hold at least one triangle; it has none")
+    return meshes
+
+
+def _meshes_of(path: Path) -> list[SurfaceMesh]:
+    """Meshes of a file, none where it has no triangles."""
+    if path.suffix.lower() == ".ply":
+        mesh = read_ply_mesh(path)
+        return [] if mesh is None else [mesh]
+    import trimesh
+
+    parts = [part for part in _scene_of(path).dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
     names = [path.stem if len(parts) == 1 else f"{path.stem} {number}" for number in range(1, len(parts) + 1)]
-    try:
-        return [_surface_mesh(part, name) for part, name in zip(parts, names, strict=True)]
-    except ProblemError as error:
-        raise InputFileError(f"{path}: {error}") from None
+    return [_surface_mesh(part, name) for part, name in zip(parts, names, strict=True)]
 
 
 def _scene_of(path: Path) -> Any:
@@ -69,14 +76,6 @@ def _surface_mesh(part: Any, name: str) -> SurfaceMesh:
     attributes = {
         key: np.asarray(values) for key, values in part.vertex_attributes.items() if _is_numbers(values, count)
     }
-    raw = part.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
-    if raw is not None:
-        # A table of a file in binary, columns of one in text: these may be tables one number wide.
-        for key in raw.dtype.names or () if isinstance(raw, np.ndarray) else raw:
-            values = np.asarray(raw[key])
-            values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
-            if key not in "xyz" and key not in attributes and _is_numbers(values, count):
-                attributes[key] = values
     visual = part.visual
     if getattr(visual, "kind", None) == "vertex":
         attributes.setdefault(COLOR, np.asarray(visual.vertex_colors)[:, :3] / 255.0)
