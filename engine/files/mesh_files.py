@@ -10,9 +10,10 @@ import numpy as np
 
 from ..errors import InputFileError, ProblemError
 from ..problem.surface import SurfaceMesh
+from .gltf_meshes import with_materials
 from .input_file import check_is_file
 from .obj_polygons import without_concave_polygons
-from .ply_meshes import read_ply_mesh
+from .ply_meshes import color_shares, read_ply_mesh
 
 __all__ = ["ACCEPTED", "read_meshes"]
 
@@ -54,7 +55,10 @@ def _meshes_of(path: Path) -> list[SurfaceMesh]:
         return [] if mesh is None else [mesh]
     import trimesh
 
-    parts = [part for part in _scene_of(path).dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
+    scene = _scene_of(path)
+    for geometry in scene.geometry.values():
+        _keep_colors(geometry)
+    parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
     names = [path.stem if len(parts) == 1 else f"{path.stem} {number}" for number in range(1, len(parts) + 1)]
     return [_surface_mesh(part, name) for part, name in zip(parts, names, strict=True)]
 
@@ -63,12 +67,24 @@ def _scene_of(path: Path) -> Any:
     """What a file holds, as trimesh reads it."""
     import trimesh
 
-    text = without_concave_polygons(path.read_text(errors="replace")) if path.suffix.lower() == ".obj" else None
-    if text is None:
+    kind = path.suffix.lower().lstrip(".")
+    changed: io.IOBase | None = None
+    if kind == "obj" and (text := without_concave_polygons(path.read_text(errors="replace"))) is not None:
+        changed = io.StringIO(text)
+    if kind in ("glb", "gltf") and (content := with_materials(path.read_bytes())) is not None:
+        changed = io.BytesIO(content)
+    if changed is None:
         return trimesh.load_scene(path, process=False)
-    # Materials lie beside it.
+    # Materials and buffers lie beside it.
     resolver = trimesh.resolvers.FilePathResolver(str(path))
-    return trimesh.load_scene(io.StringIO(text), file_type="obj", resolver=resolver, process=False)
+    return trimesh.load_scene(changed, file_type=kind, resolver=resolver, process=False)
+
+
+def _keep_colors(geometry: Any) -> None:
+    """Make colors of vertices an attribute where there is a material, too: copies of it lose them."""
+    colors = getattr(getattr(geometry, "visual", None), "vertex_attributes", {}).get(COLOR)
+    if colors is not None and np.ndim(colors) == 2 and _is_numbers(colors, len(geometry.vertices)):
+        geometry.vertex_attributes.setdefault(COLOR, color_shares(np.asarray(colors)[:, :3]))
 
 
 def _surface_mesh(part: Any, name: str) -> SurfaceMesh:

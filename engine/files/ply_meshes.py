@@ -14,7 +14,7 @@ import numpy as np
 from ..problem.surface import SurfaceMesh
 from .polygons import triangles_of
 
-__all__ = ["read_ply_mesh"]
+__all__ = ["color_shares", "read_ply_mesh"]
 
 TYPES = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4"},
@@ -102,12 +102,12 @@ def read_ply_mesh(path: Path) -> SurfaceMesh | None:
         uv = np.stack([values[key] for key in pair], axis=1).astype(np.float64)
     attributes = {key: column for key, column in values.items() if key not in ("x", "y", "z")}
     if all(key in attributes for key in CHANNELS):
-        attributes.setdefault(COLOR, np.stack([_share(attributes[key]) for key in CHANNELS], axis=1))
+        attributes.setdefault(COLOR, np.stack([color_shares(attributes[key]) for key in CHANNELS], axis=1))
     return SurfaceMesh(vertices, triangles, path.stem, attributes, uv)
 
 
-def _share(channel: np.ndarray) -> np.ndarray:
-    """A channel of colors, 0..1, of which whole numbers go up to the largest of their type."""
+def color_shares(channel: np.ndarray) -> np.ndarray:
+    """Channels of colors as shares, 0..1: whole numbers go up to the largest of their type."""
     return channel / np.iinfo(channel.dtype).max if channel.dtype.kind in "iu" else channel.astype(np.float64)
 
 

@@ -1,7 +1,9 @@
 """Meshes from files, recipes that name them, and placements on them as files."""
 
 import csv
+import json
 import os
+import struct
 
 import numpy as np
 import pytest
@@ -74,6 +76,45 @@ def test_uv_maps_of_obj_files_are_read(tmp_path):
     (mesh,) = read_meshes(tmp_path / "quad.obj")
     points = Surface(mesh).sample(50)
     np.testing.assert_allclose(points.uv(), points.position[:, :2], atol=1e-9)
+
+
+@pytest.mark.parametrize("ending", ["glb", "gltf"])
+@pytest.mark.parametrize("material", [False, True])
+def test_maps_and_colors_of_gltf_files_are_read_with_a_material_and_without(tmp_path, ending, material):
+    arrays = {
+        "POSITION": np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4"),
+        "TEXCOORD_0": np.array([[0, 1], [1, 1], [0, 0]], "<f4"),
+        "COLOR_0": np.array([[0, 0, 0], [1, 0, 0], [0, 0.5, 0]], "<f4"),
+    }
+    described = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "translation": [0, 0, 5]}],
+        "meshes": [{"primitives": [{"attributes": dict(zip(arrays, range(3), strict=True))}]}],
+        "accessors": [
+            {"bufferView": k, "componentType": 5126, "count": 3, "type": f"VEC{values.shape[1]}"}
+            for k, values in enumerate(arrays.values())
+        ],
+        "bufferViews": [{"buffer": 0, "byteOffset": at, "byteLength": n} for at, n in ((0, 36), (36, 24), (60, 36))],
+        "buffers": [{"byteLength": 96}],
+    }
+    if material:
+        described["materials"] = [{"name": "bark"}]
+        described["meshes"][0]["primitives"][0]["material"] = 0
+    data = b"".join(values.tobytes() for values in arrays.values())
+    if ending == "gltf":
+        (tmp_path / "part.bin").write_bytes(data)
+        described["buffers"][0]["uri"] = "part.bin"
+    text = json.dumps(described).encode()
+    text += b" " * (-len(text) % 4)
+    head = struct.pack("<4sIIII", b"glTF", 2, 28 + len(text) + len(data), len(text), 0x4E4F534A)
+    whole = head + text + struct.pack("<II", len(data), 0x004E4942) + data
+    (tmp_path / f"part.{ending}").write_bytes(whole if ending == "glb" else text)
+    (mesh,) = read_meshes(tmp_path / f"part.{ending}")
+    np.testing.assert_array_equal(mesh.vertices[:, 2], 5.0)
+    np.testing.assert_allclose(mesh.uv, mesh.vertices[:, :2], atol=1e-6)
+    np.testing.assert_allclose(mesh.attributes["color"], arrays["COLOR_0"], atol=0.003)
 
 
 @pytest.mark.parametrize(
