@@ -47,6 +47,8 @@ class Facets:
         label: Number for every triangle of the surface; those of one number come one after the other.
         open_side: Whether the surface ends at the side opposite of each corner of its triangles, shape ``[t, 3]``.
         relations: Which labels stand on one another; None for none.
+        part: Number of the part that every triangle is in; triangles of one have one label, and come one after the other, too. None
+            where parts are what labels are.
 
     Attributes:
         middle: Of the surface [m], shape ``[3]``.
@@ -69,13 +71,15 @@ class Facets:
         label: np.ndarray,
         open_side: np.ndarray,
         relations: Relations | None = None,
+        part: np.ndarray | None = None,
     ) -> None:
         self.launcher, self.surface, self.unit = launcher, surface, unit
         self.relations = Relations() if relations is None else relations
         self.middle = 0.5 * (surface.low + surface.high)
         pieces = small_pieces(launcher, surface, self.middle, unit, facet=FACET, tile=TILE, slender=MOST_SLENDER)
         triangles = triangles_of(launcher, surface, open_side)
-        order = _order(places_of(launcher, pieces, triangles), label[pieces.triangle.numpy()])
+        own = pieces.triangle.numpy()
+        order = _order(places_of(launcher, pieces, triangles), label[own], None if part is None else part[own])
         count = len(order)
         self.on_device, self._described = empty_pieces(launcher, count), _empty_description(launcher, count)
         inputs = [launcher.array(order.astype(np.int32), wp.int32), pieces, triangles]
@@ -293,13 +297,17 @@ def _sides_of_bits(bits: np.ndarray) -> np.ndarray:
     return (bits[:, None] >> np.arange(3) & 1).astype(bool)
 
 
-def _order(place: np.ndarray, label: np.ndarray) -> np.ndarray:
-    """Order of facets: label after label, and in each by their places along curves (:func:`.places_of`)."""
-    labels = int(label.max()) + 1
-    if labels == 1:
-        return np.argsort(place, kind="stable")
-    # Labels come in the order of where they are, so that few bodies on many parts are even, too.
-    first = np.full(labels, np.iinfo(np.int64).max)
-    np.minimum.at(first, label, place & ((1 << 3 * kernels_cut.CURVE_BITS) - 1))
-    rank = np.argsort(np.argsort(first, kind="stable"), kind="stable")
-    return np.lexsort((place, rank[label]))
+def _order(place: np.ndarray, label: np.ndarray, part: np.ndarray | None) -> np.ndarray:
+    """Order of facets: label after label, part after part, and in each by their places along curves (:func:`.places_of`)."""
+    keys = [place]
+    for number in (label,) if part is None else (part, label):
+        if number.max() > number.min():
+            keys.append(_rank(place, number))
+    return np.lexsort(keys)
+
+
+def _rank(place: np.ndarray, number: np.ndarray) -> np.ndarray:
+    """Numbers of parts in the order of where these are, shape ``[n]``: so few bodies on many of them are even, too."""
+    first = np.full(int(number.max()) + 1, np.iinfo(np.int64).max)
+    np.minimum.at(first, number, place & ((1 << 3 * kernels_cut.CURVE_BITS) - 1))
+    return np.argsort(np.argsort(first, kind="stable"), kind="stable")[number]

@@ -41,11 +41,13 @@ class Parts(NamedTuple):
         label: Of every triangle, shape ``[t]``: parts of different labels do not see each other, unless one stands on the other.
         open_side: Whether the surface ends at the side opposite of each corner, shape ``[t, 3]``.
         relations: Which labels stand on one another.
+        part: Number of the part that each triangle is in, shape ``[t]``: parts that hold only a few bodies have one label.
     """
 
     label: np.ndarray
     open_side: np.ndarray
     relations: Relations
+    part: np.ndarray
 
 
 def joined_parts(launcher: Launcher, surface: Surface, unit: float) -> Parts:
@@ -71,14 +73,9 @@ def joined_parts(launcher: Launcher, surface: Surface, unit: float) -> Parts:
     crumb = area < CRUMBS
     pair, place = standing_pairs(edges, part)
     pair = pair[~crumb[pair].any(axis=1)]
-    if crumb.any() and not crumb.all():
-        part = np.where(crumb[part], len(area), part)
-    elif crumb.all():
-        part = np.zeros_like(part)
-    known, label = np.unique(part, return_inverse=True)
-    return Parts(
-        label.ravel(), open_side, Relations(np.searchsorted(known, pair), area[pair].min(axis=1, initial=np.inf), place)
-    )
+    known, label = np.unique(np.where(crumb[part], len(area), part), return_inverse=True)
+    relations = Relations(np.searchsorted(known, pair), area[pair].min(axis=1, initial=np.inf), place)
+    return Parts(label.ravel(), open_side, relations, part)
 
 
 def _beyond(

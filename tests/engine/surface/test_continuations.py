@@ -83,7 +83,7 @@ def test_what_continues_across_a_crease_is_one_part(name: str, one: bool, turned
 def test_where_a_sheet_continues_on_a_box_it_does_not_end() -> None:
     surface = surface_of(ONE["ground that ends at a box"], turned=False)
     launcher = launcher_of_process(str(resolve_device("cpu")))
-    _, open_side, _ = joined_parts(launcher, surface, float(np.sqrt(surface.area / BODIES)))
+    open_side = joined_parts(launcher, surface, float(np.sqrt(surface.area / BODIES))).open_side
     # Three of the four sides of the sheet.
     assert surface.open_side.sum() == 4
     assert open_side.sum() == 3
