@@ -29,6 +29,8 @@ WELDED = 2.0**-20
 FLATTEST = 1e-7
 # Points that integrals over a surface are sampled at.
 SAMPLES = 1 << 16
+# Make one number of three vertices and a mesh.
+HASH = np.array([1, 1_000_000_007, 998_244_353_000_003, 7_777_777_777_777_777])
 EXTENT_KEY = "the surface's extent"
 
 
@@ -61,10 +63,10 @@ class SurfaceMesh:
             raise ProblemError(f"`triangles` {where} must have at least one triangle; got none")
         if triangles.dtype.kind == "f" and not np.array_equal(triangles, np.round(triangles)):
             raise ProblemError(f"`triangles` {where} must be whole numbers, indices of vertices; got fractions")
-        triangles = triangles.astype(np.int64)
         if triangles.min() < 0 or triangles.max() >= len(vertices):
-            wrong = int(triangles.min() if triangles.min() < 0 else triangles.max())
+            wrong = show((triangles.min() if triangles.min() < 0 else triangles.max()).item())
             raise ProblemError(f"`triangles` {where} must be indices of its {len(vertices)} vertices; got {wrong}")
+        triangles = triangles.astype(np.int64)
         vertices = vertices.astype(np.float64)
         if not np.isfinite(vertices[triangles]).all():
             raise ProblemError(f"`vertices` {where} must be finite; one of them is NaN or infinite")
@@ -116,7 +118,8 @@ class Surface:
     Attributes:
         position: Vertices of all meshes [m], shape ``[v, 3]``, float64.
         triangle: Indices of vertices, shape ``[t, 3]``, int64; those of a mesh follow those of the mesh before.
-        source: Triangle of the meshes, counted through all of them, that each is, shape ``[t]``: those without an area are left out.
+        source: Triangle of the meshes, counted through all of them, that each is, shape ``[t]``: those without an area are left out,
+            and those that lie in the place of another of their mesh and look to the same side.
         normal: Of length 1, shape ``[t, 3]``; neighbors look to the same side.
         triangle_area: In m², shape ``[t]``.
         part: Which of the parts that share no sides each is in, see :func:`.parts_of`, shape ``[t]``.
@@ -166,8 +169,12 @@ class Surface:
                 "the surface must have an area; all its triangles are points or lines",
                 Refusal(Reason.SURFACE_WITHOUT_AREA, 0, 0),
             )
+        welded = _welded(position, triangle[kept], extent)
+        once = _first_of_their_place(
+            welded, np.repeat(np.arange(len(meshes)), [len(m.triangles) for m in meshes])[kept]
+        )
+        kept, welded = kept[once], welded[once]
         triangle = triangle[kept]
-        welded = _welded(position, triangle, extent)
         sides = sides_of(welded)
         turned = _turned(sides)
         if turned.any():
@@ -268,7 +275,7 @@ class Surface:
             return (
                 "triangle",
                 k,
-                f"must be a triangle with an area; got {int(triangle[k])} of mesh {mesh[k]}, which has none",
+                f"must be a triangle with an area, and none in another's place; got {int(triangle[k])} of mesh {mesh[k]}",
             )
         return None
 
@@ -421,6 +428,20 @@ def _welded(position: np.ndarray, triangle: np.ndarray, extent: float) -> np.nda
     cell = np.round((place - place.min(axis=0)) / (WELDED * extent)).astype(np.int64)
     key = (cell[:, 0] << 42) | (cell[:, 1] << 21) | cell[:, 2]
     return np.unique(key, return_inverse=True)[1].ravel()[index].reshape(-1, 3)
+
+
+def _first_of_their_place(welded: np.ndarray, mesh: np.ndarray) -> np.ndarray:
+    """Which triangles come first of those of a mesh that lie in one place and look to one side, indices in rising order."""
+    first = welded.argmin(axis=1)[:, None]
+    corner = np.column_stack([np.take_along_axis(welded, (first + np.arange(3)) % 3, axis=1), mesh])
+    # Numbers that go round at 64 bits: those that differ are of different places.
+    _, number, count = np.unique((corner * HASH).sum(axis=1), return_inverse=True, return_counts=True)
+    alike = np.flatnonzero(count[number.ravel()] > 1)
+    if not len(alike):
+        return np.arange(len(welded))
+    again = np.ones(len(alike), bool)
+    again[np.unique(corner[alike], axis=0, return_index=True)[1]] = False
+    return np.delete(np.arange(len(welded)), alike[again])
 
 
 def _turned(sides: Sides) -> np.ndarray:

@@ -28,6 +28,8 @@ def box():
         (SQUARE, [[0, 1, 4]], "must be indices of its 4 vertices; got 4"),
         (SQUARE, [[0, 1, -1]], "must be indices of its 4 vertices; got -1"),
         (SQUARE, [[0, 1, 1.5]], "must be whole numbers"),
+        (SQUARE, [[0, 1, np.inf]], "must be indices of its 4 vertices; got inf"),
+        (SQUARE, np.array([[0, 1, 2**64 - 1]], np.uint64), "must be indices of its 4 vertices; got about 1e19"),
         (SQUARE, [[0, 1, 2, 3]], r"must be an array of numbers of shape \[n, 3\]"),
         (SQUARE[:, :2], HALVES, r"`vertices` of mesh \"m\" must be an array of numbers of shape \[n, 3\]"),
         (np.where(SQUARE == 1, np.nan, SQUARE), HALVES, "must be finite"),
@@ -53,6 +55,17 @@ def test_triangles_without_an_area_are_left_out_and_points_keep_their_numbers():
     mesh, triangle, barycentric = points.source()
     assert (mesh[0], triangle[0]) == (0, 3)
     np.testing.assert_allclose(barycentric @ SQUARE[triangles[3]], points.position)
+
+
+def test_triangles_that_a_mesh_has_twice_count_once_but_for_its_two_sides():
+    vertices = np.concatenate([SQUARE, SQUARE])
+    again = np.concatenate([HALVES, HALVES[:, [2, 0, 1]], HALVES + 4])
+    surface = Surface(SurfaceMesh(vertices, again))
+    assert surface.source.tolist() == [0, 1]
+    assert surface.area == pytest.approx(1.0)
+    # Another mesh may have another density there, and an outer side is not an inner one.
+    assert Surface([SurfaceMesh(SQUARE, HALVES)] * 2).area == pytest.approx(2.0)
+    assert Surface(SurfaceMesh(SQUARE, np.concatenate([HALVES, HALVES[:, ::-1]]))).area == pytest.approx(2.0)
 
 
 def test_a_mesh_of_lines_and_points_is_refused():

@@ -258,7 +258,7 @@ def test_a_triangle_without_an_area_holds_no_body():
     faces = np.concatenate([BALL.faces, [[0, 0, 1]]])
     surface = esh.Surface(esh.SurfaceMesh(BALL.vertices, faces))
     classes = [esh.BodyClass("moss", [esh.Size("tuft", 0.004, 20)])]
-    with pytest.raises(EshError, match="must be a triangle with an area; got 1280 of mesh 0, which has none"):
+    with pytest.raises(EshError, match=r"must be a triangle with an area, .*; got 1280 of mesh 0"):
         esh.Problem(surface, classes, fixed=esh.FixedBodies([[0, 0, 1.0]], triangle=1280))
 
 
