@@ -75,8 +75,8 @@ Stored = tuple[str, np.dtype, np.dtype | None]
 def read_ply_mesh(path: Path) -> SurfaceMesh | None:
     """Read the mesh of a PLY file; None where it has no faces.
 
-    Attributes are the properties of its vertices by their names, and their colors as ``color``, 0..1. Coordinates of images are
-    those of corners, or of vertices.
+    Attributes are the properties of its vertices by their names, their colors as ``color``, 0..1, and three that end in _x, _y
+    and _z as a vector, too. Coordinates of images are those of corners, or of vertices.
 
     Raises:
         ValueError: It is no PLY file, or ends too early.
@@ -103,7 +103,18 @@ def read_ply_mesh(path: Path) -> SurfaceMesh | None:
     attributes = {key: column for key, column in values.items() if key not in ("x", "y", "z")}
     if all(key in attributes for key in CHANNELS):
         attributes.setdefault(COLOR, np.stack([color_shares(attributes[key]) for key in CHANNELS], axis=1))
-    return SurfaceMesh(vertices, triangles, path.stem, attributes, uv)
+    return SurfaceMesh(vertices, triangles, path.stem, attributes | _vectors(attributes), uv)
+
+
+def _vectors(attributes: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Attributes whose names end in _x, _y and _z, as Blender writes vectors, under the names before these; none that are taken."""
+    names = [key.removesuffix("_x") for key in attributes if key.endswith("_x")]
+    of_names = {name: [attributes.get(f"{name}_{axis}") for axis in "xyz"] for name in names if name not in attributes}
+    return {
+        name: np.stack([axis for axis in axes if axis is not None], axis=1)
+        for name, axes in of_names.items()
+        if name and all(axis is not None for axis in axes)
+    }
 
 
 def color_shares(channel: np.ndarray) -> np.ndarray:

@@ -23,10 +23,11 @@ from ..problem.obstacles import Obstacle
 from ..problem.settings import settings_of
 from ..problem.size import Size
 from ..problem.surface_density import SurfaceDensity
+from ..problem.surface_directions import SurfaceDirection
 from ..problem.validation import show
 from .image_files import read_array, read_color, read_density
 from .recipe_footprints import FOOTPRINT_KEYS, OUTLINES, check_footprint, written_outlines
-from .recipe_surface import read_surface_density
+from .recipe_surface import read_surface_density, read_surface_direction
 from .recipe_table import RecipeTable
 
 __all__ = ["WORDS", "NameArray", "keys_of", "plain_value", "read_group", "read_settings", "written_settings"]
@@ -163,7 +164,11 @@ def _write_length(length: np.ndarray | float, name_array: NameArray) -> dict[str
     return {"length": name_array("length", length) if isinstance(length, np.ndarray) else length}
 
 
-def _read_direction(table: RecipeTable) -> str | float | np.ndarray:
+def _read_direction(table: RecipeTable) -> str | float | np.ndarray | SurfaceDirection:
+    if isinstance(table.entries.get("direction"), dict):
+        if "direction_kind" in table.entries:
+            raise table.error("direction_kind", "is only for a `direction` that is an image; `direction` is a table")
+        return read_surface_direction(table.table("direction"))
     direction = table.take("direction", _check_direction, "density")
     kind = table.take("direction_kind", _check_direction_kind, "angle")
     if not isinstance(direction, str) or direction in WORDS:

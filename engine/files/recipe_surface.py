@@ -8,12 +8,13 @@ from ..errors import InputFileError, ProblemError
 from ..problem import validation
 from ..problem.surface import Surface, SurfaceMesh
 from ..problem.surface_density import SurfaceAttribute, SurfaceDensity, SurfaceImage, SurfaceTriplanar
+from ..problem.surface_directions import SurfaceVectors
 from ..problem.validation import show
 from .image_files import read_density
 from .mesh_files import read_meshes
 from .recipe_table import RecipeTable
 
-__all__ = ["read_surface", "read_surface_density", "surface_files"]
+__all__ = ["read_surface", "read_surface_density", "read_surface_direction", "surface_files"]
 
 MAPPINGS = ("uv", "triplanar")
 
@@ -45,6 +46,12 @@ def read_surface_density(table: RecipeTable) -> SurfaceDensity:
     if "size" in table.entries:
         raise table.error("size", 'is only for a `mapping` of "triplanar"')
     return table.build(lambda: SurfaceImage(image))
+
+
+def read_surface_direction(table: RecipeTable) -> SurfaceVectors:
+    """Return the direction on a surface that a table ``direction = { attribute = ... }`` describes."""
+    table.check_keys("attribute")
+    return SurfaceVectors(table.take("attribute", validation.check_name))
 
 
 def surface_files(recipe: dict[str, Any]) -> list[object]:

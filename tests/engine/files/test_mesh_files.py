@@ -219,3 +219,28 @@ def test_properties_of_ply_files_are_read_as_numbers_and_as_text(tmp_path, encod
     (tmp_path / "ball.ply").write_bytes(trimesh.exchange.ply.export_ply(ball, encoding=encoding))
     (mesh,) = read_meshes(tmp_path / "ball.ply")
     np.testing.assert_allclose(mesh.attributes["moss"], mesh.vertices[:, 2], atol=1e-6)
+
+
+def test_lines_of_a_recipe_lie_along_vectors_of_its_mesh(tmp_path):
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    for axis, values in zip("xyz", np.cross([0, 0, 1], ball.vertices).T, strict=True):
+        ball.vertex_attributes[f"flow_{axis}"] = values.astype(np.float32)
+    ball.export(tmp_path / "ball.ply")
+    path = recipe(tmp_path)
+    plain = path.read_text()
+    path.write_text(f'{plain}[class.size.line]\nlength = 0.2\ndirection = {{ attribute = "flow" }}\n')
+    placement = solve(read_recipe(path), device="cpu", max_steps=30)
+    round_z = np.abs((placement.tangent * np.cross([0, 0, 1], placement.position)).sum(axis=1))
+    assert np.median(round_z / np.linalg.norm(placement.position[:, :2], axis=1)) > 0.98
+    for wrong, sentence in (
+        ('{ atribute = "flow" }', "did you mean `attribute`"),
+        ('{ attribute = "flow_x" }', "must name an attribute of three numbers"),
+        ('{ attribute = "flow" }\ndirection_kind = "angle"', "is only for a `direction` that is an image"),
+    ):
+        path.write_text(f"{plain}[class.size.line]\nlength = 0.2\ndirection = {wrong}\n")
+        with pytest.raises(EshError, match=sentence):
+            solve(read_recipe(path), device="cpu", max_steps=1)
+    path.write_text(f'{plain}[class.size.line]\nlength = 0.2\ndirection = {{ attribute = "flow" }}\n')
+    path.write_text(path.read_text().replace('[surface]\nmesh = "ball.ply"', "[domain]\nsize = [1.0, 1.0]"))
+    with pytest.raises(EshError, match="direction"):
+        read_recipe(path)
