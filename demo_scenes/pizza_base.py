@@ -22,9 +22,13 @@ def _spots(place: np.ndarray, count: int, size: tuple[float, float], area: np.nd
     """Round bumps 0..1 at random places: ``place`` ``[n, 3]``, centers drawn from ``area`` ``[k, 3]``, radii [m]."""
     rng = np.random.default_rng(seed)
     bump = np.zeros(len(place))
+    # Sorted along x, so that only a strip of the places is looked at for each.
+    order = np.argsort(place[:, 0], kind="stable")
+    along = place[order, 0]
     for center in area[rng.integers(len(area), size=count)]:
         radius = size[0] + (size[1] - size[0]) * rng.random() ** 2.5
-        near = np.flatnonzero(np.abs(place - center).max(axis=1) < radius)
+        strip = order[slice(*np.searchsorted(along, [center[0] - 1.01 * radius, center[0] + 1.01 * radius]))]
+        near = strip[np.abs(place[strip] - center).max(axis=1) < radius]
         distance = np.linalg.norm(place[near] - center, axis=1) / radius
         bump[near] = np.maximum(bump[near], rng.uniform(0.6, 1.0) * np.sqrt(np.clip(1.0 - distance**2, 0.0, 1.0)))
     return bump

@@ -53,17 +53,18 @@ def perlin(place: np.ndarray, seed: int, octaves: int = 1) -> np.ndarray:
     shuffled = np.tile(np.random.default_rng(seed).permutation(256), 3)
     total, strength = np.zeros(place.shape[:-1]), 1.0
     for octave in range(octaves):
-        point = place * 2.0**octave + 17.3 * octave
-        cell = np.floor(point).astype(int)
-        part = point - cell
-        cell &= 255
-        weight = part**3 * (part * (part * 6.0 - 15.0) + 10.0)
+        # One array for each axis: sums and products over a last axis of three take several times as long.
+        point = [np.ascontiguousarray(place[..., axis]) * 2.0**octave + 17.3 * octave for axis in range(3)]
+        cell = [np.floor(along).astype(int) for along in point]
+        part = [along - whole for along, whole in zip(point, cell, strict=True)]
+        weight = [along**3 * (along * (along * 6.0 - 15.0) + 10.0) for along in part]
+        shares = [(1.0 - along, along) for along in weight]
         for corner in np.ndindex(2, 2, 2):
-            offset = np.array(corner)
-            i, j, k = np.moveaxis(cell + offset, -1, 0)
+            i, j, k = ((whole & 255) + offset for whole, offset in zip(cell, corner, strict=True))
             gradient = _GRADIENTS[shuffled[shuffled[shuffled[i] + j] + k] % 12]
-            share = np.where(offset == 1, weight, 1.0 - weight).prod(axis=-1)
-            total = total + strength * share * (gradient * (part - offset)).sum(axis=-1)
+            share = shares[0][corner[0]] * shares[1][corner[1]] * shares[2][corner[2]]
+            slope = sum(gradient[..., axis] * (part[axis] - corner[axis]) for axis in range(3))
+            total = total + strength * share * slope
         strength *= 0.5
     return total
 
@@ -72,14 +73,30 @@ def enclosing_circle(point: np.ndarray) -> tuple[np.ndarray, float]:
     """Middle, shape ``[2]``, and radius of a circle around points ``[n, 2]``, at most 0.1 % larger than the smallest."""
     # Only the outermost points of many directions can lie on it.
     turn = np.arange(720) * 2 * np.pi / 720
-    point = point[np.unique(np.argmax(point @ np.stack([np.cos(turn), np.sin(turn)]), axis=0))]
+    directions = np.stack([np.cos(turn), np.sin(turn)])
+    point = _beyond(point, point[np.argmax(point @ directions[:, ::30], axis=0)])
+    point = point[np.unique(np.argmax(point @ directions, axis=0))]
     middle = point.mean(axis=0)
     # Bădoiu and Clarkson: walk towards the farthest point in ever smaller steps.
+    x, y = (np.ascontiguousarray(axis) for axis in point.T)
+    at_x, at_y = middle.tolist()
     for number in range(1, 2000):
-        far = point[np.argmax(((point - middle) ** 2).sum(axis=1))]
+        away_x, away_y = x - at_x, y - at_y
+        far = int((away_x * away_x + away_y * away_y).argmax())
         step = 1.0 / (number + 1)
-        middle = middle + step * (far - middle)
+        at_x += step * (float(x[far]) - at_x)
+        at_y += step * (float(y[far]) - at_y)
+    middle = np.array([at_x, at_y])
     return middle, float(np.sqrt(((point - middle) ** 2).sum(axis=1).max()))
+
+
+def _beyond(point: np.ndarray, corner: np.ndarray) -> np.ndarray:
+    """Those of points ``[n, 2]`` that are not inside of a convex polygon, whose corners ``[k, 2]`` are some of them."""
+    beyond = np.zeros(len(point), bool)
+    for a, b in zip(corner, np.roll(corner, -1, axis=0), strict=True):
+        if (a != b).any():
+            beyond |= (b[0] - a[0]) * (point[:, 1] - a[1]) - (b[1] - a[1]) * (point[:, 0] - a[0]) <= 0.0
+    return point[beyond]
 
 
 def _centered(piece: Piece) -> Piece:
