@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -80,9 +81,9 @@ def test_amounts_read_as_people_say_them(amount, text):
 MEASURED = {
     "few bodies": "[BodyClass('a', [Size('s', 1e-4, 100)])]",
     "many bodies": "[BodyClass('a', [Size('s', 1e-6, 400_000)])]",
-    "clumps": "[BodyClass('a', [Size('s', 1e-4, 100)], clustering=0.5, clump_size=0.012)]",
+    "clumps": "[BodyClass('a', [Size('s', 1e-4, 100)], clustering=0.5, clump_size=0.015)]",
     "clumps in an image": (
-        "[BodyClass('a', [Size('s', 1e-4, 3000)], 0.1 + np.random.default_rng(0).random((2500, 2500)), clustering=0.8)]"
+        "[BodyClass('a', [Size('s', 1e-4, 3000)], 0.1 + np.random.default_rng(0).random((2000, 2000)), clustering=0.8)]"
     ),
     "clumps in a corner of an image": (
         "[BodyClass('a', [Size('s', 1e-4, 100)], np.pad(np.ones((400, 400)), (0, 2600)), clustering=0.8)]"
@@ -93,11 +94,11 @@ MEASURED = {
     ),
     "images": (
         "[BodyClass(f'{k}', [Size('s', 1e-4, 100)], density=np.random.default_rng(k).random((2000, 2000)) > 0.5)"
-        " for k in range(6)]"
+        " for k in range(4)]"
     ),
     "an image without empty pixels": "[BodyClass('a', [Size('s', 1e-4, 100)], 0.1 + np.random.default_rng(0).random((4000, 4000)))]",
     "lines along an image": (
-        "[BodyClass('a', [Size('s', 1e-5, 300, line=Line(0.02))], 0.1 + np.random.default_rng(0).random((3000, 3000)))]"
+        "[BodyClass('a', [Size('s', 1e-5, 300, line=Line(0.02))], 0.1 + np.random.default_rng(0).random((2500, 2500)))]"
     ),
 }
 
@@ -110,10 +111,15 @@ def peak_memory():
 """
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="the peak of a process is told otherwise elsewhere")
-@pytest.mark.parametrize("name", MEASURED)
-def test_memory_is_foretold(name):
+@pytest.fixture(scope="module")
+def measured() -> dict[str, list[int]]:
+    """What is foretold for each, the peak of a process that solves it, and that of one that has solved next to nothing [bytes].
+
+    They are forks of one process that is ready to solve, since getting ready takes seconds. A fork has a peak of its own, which begins
+    without the files that its parent has mapped: only what it grows by counts.
+    """
     script = f"""
+import json, os
 import numpy as np
 from esh import *
 from esh.engine.solver import memory
@@ -121,13 +127,24 @@ from esh.engine.solver import memory
 problem = Problem(Domain((4.0, 3.0)), [BodyClass("a", [Size("s", 1e-4, 10)])])
 solve(problem, device="cpu", max_steps=1)
 idle = peak_memory()
-problem = Problem(Domain((4.0, 3.0)), {MEASURED[name]})
-solve(problem, device="cpu", max_steps=2)
-peak = peak_memory()
-print(memory.required_memory(problem), peak, idle)
+for name, classes in {MEASURED!r}.items():
+    if os.fork():
+        os.wait()
+        continue
+    before = peak_memory()
+    problem = Problem(Domain((4.0, 3.0)), eval(classes))
+    solve(problem, device="cpu", max_steps=2)
+    print(json.dumps([name, memory.required_memory(problem), idle + peak_memory() - before, idle]), flush=True)
+    os._exit(0)
 """
-    finished = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=200)
-    foretold, peak, idle = map(int, finished.stdout.split())
+    finished = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=400)
+    return {name: numbers for name, *numbers in map(json.loads, finished.stdout.splitlines())}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the peak of a process is told otherwise elsewhere")
+@pytest.mark.parametrize("name", MEASURED)
+def test_memory_is_foretold(name, measured):
+    foretold, peak, idle = measured[name]
     # What the libraries take is not the problem's, and differs from system to system.
     of_problem = foretold - memory.BYTES_FIXED
     assert foretold < 1.5 * peak and peak < 1.5 * max(foretold, of_problem + idle)
