@@ -7,8 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[2]
 RECIPES = sorted((ROOT / "tests" / "recipes").glob("*.toml"))
 
@@ -28,13 +26,9 @@ def test_there_are_recipes():
     assert len(RECIPES) >= 20
 
 
-@pytest.fixture(scope="module")
-def alone(tmp_path_factory) -> str:
-    """Hashes of one thread."""
-    return hashes(1, tmp_path_factory.mktemp("alone"))
-
-
-@pytest.mark.parametrize("threads", [2, 8])
-def test_bytes_do_not_depend_on_the_number_of_threads(threads, alone, tmp_path):
+def test_bytes_do_not_depend_on_the_number_of_threads(tmp_path):
+    # Three: several, no power of two. Threads that wait for a processor take its time, and what many of them do is looked at
+    # in tests/engine/solver/test_solve.py.
+    alone = hashes(1, tmp_path)
     assert len(alone.splitlines()) >= len(RECIPES)
-    assert hashes(threads, tmp_path) == alone
+    assert hashes(3, tmp_path) == alone

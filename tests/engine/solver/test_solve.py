@@ -140,7 +140,8 @@ def test_threads_do_not_change_the_bytes(monkeypatch, boundary, kind):
     """Also where a thread has few chunks, and where there are more threads than processors."""
     ramp = np.linspace(0.0, 1.0, 64)[None, :]
     line = Line(2.0, "density") if kind == "lines" else None
-    sizes = [Size("s", 0.4, 2000, line=line), Size("l", 1.5, 240)]
+    # As dense as the ramp allows with contact, without being so dense that it ends at the limit of rounds.
+    sizes = [Size("s", 0.2, 2000, line=line), Size("l", 0.8, 240)]
     problem = Problem(
         Domain((39.0, 39.0), boundary), [BodyClass("a", sizes, ramp)], avoid_overlap=kind == "contact", seed=4
     )
