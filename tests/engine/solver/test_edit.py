@@ -465,7 +465,7 @@ def test_edits_leave_nothing_behind():
 
     with Solver(replace(problem_of(count=300), avoid_overlap=True), device="cpu") as solver:
         counts = []
-        for k in range(50):
+        for k in range(24):
             # Counts change, so that points are spread, too.
             solver.edit(replace(problem_of(painted(0.2 + 0.1 * (k % 3)), 300 + 5 * (k % 4)), avoid_overlap=True))
             if k % 12 == 11:
