@@ -229,8 +229,11 @@ def test_ctrl_c_at_any_time_after_the_start_is_a_sentence(folder, when):
     assert out == "" and files_of(folder) == before
 
 
-@pytest.mark.parametrize("closed", ["stdout", "stderr"])
-@pytest.mark.parametrize("option", ["--profile", "--quiet", "--max-steps=3"])
+# Nothing but what is wrong is written with --quiet, and the profile is a part of the report.
+@pytest.mark.parametrize(
+    ("closed", "option"),
+    [("stdout", "--profile"), ("stdout", "--max-steps=3"), ("stderr", "--quiet"), ("stderr", "--max-steps=3")],
+)
 def test_whoever_reads_may_leave_at_any_time(folder, closed, option):
     # Crowded, so that there is something to say before the run as well.
     text = (folder / "forest.toml").read_text().replace("area = 0.01", "area = 60.0")
@@ -287,7 +290,7 @@ with signals.on_signals((*signals.INTERRUPTING, *signals.ENDING), signals.end), 
     assert err == f"esh-scatter: stopped by {said} in the middle of a step; nothing was written\n"
 
 
-@pytest.mark.parametrize("limit", [0, 3_000, 20_000])
+@pytest.mark.parametrize("limit", [0, 20_000])
 def test_a_full_disk_is_a_sentence_and_leaves_older_files(folder, limit):
     import resource
 
