@@ -72,12 +72,22 @@ def required_distributions(name: str) -> set[str]:
 
 
 @pytest.fixture(scope="module")
-def zip_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The zip of this machine's platform, built as `make extension` builds it."""
+def zip_path(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The zip of this machine's platform, built as `make extension` builds it.
+
+    Compressing takes most of its time: where no test that looks at the zip itself is run, it is left out.
+    """
     folder = tmp_path_factory.mktemp("dist")
+    here = [item for item in request.session.items if item.path == request.path]
+    compressed = any(item.get_closest_marker("once") for item in here)
+    stored = "repack = b.repack; b.repack = lambda old, new, method: repack(old, new, b.zipfile.ZIP_STORED); "
+    script = (
+        "import sys; sys.path.insert(0, 'tools'); import build_extension as b; "
+        f"{'' if compressed else stored}sys.exit(b.main())"
+    )
     # Without kernels for GPUs, which tests/engine/device/test_prebuilt_gpu_kernels.py compiles.
-    command = [sys.executable, ROOT / "tools" / "build_extension.py", "--gpus", "--output", folder]
-    outcome = subprocess.run(command, capture_output=True, text=True)
+    command = [sys.executable, "-c", script, "--gpus", "--output", folder]
+    outcome = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert outcome.returncode == 0, outcome.stderr
     (path,) = folder.glob("*.zip")
     return path
@@ -131,6 +141,7 @@ answer(outcome=list(outcome), before=before, after=state(), loaded={MODULE!r} in
     )
 
 
+@pytest.mark.once
 def test_the_zip_holds_the_package_and_its_wheels_only(zip_path: Path):
     with zipfile.ZipFile(zip_path) as archive:
         names = set(archive.namelist())
@@ -149,6 +160,7 @@ def test_the_zip_holds_the_package_and_its_wheels_only(zip_path: Path):
     assert zip_path.name == f"esh_scatter-{manifest['version']}-{manifest['platforms'][0]}.zip"
 
 
+@pytest.mark.once
 def test_wheels_are_compressed_once_and_their_files_are_as_they_were(zip_path: Path, tmp_path: Path):
     """Blender unpacks them whenever the extension is enabled; of a compressed Warp that takes more than a second."""
     with zipfile.ZipFile(zip_path) as archive:
@@ -165,6 +177,7 @@ def test_wheels_are_compressed_once_and_their_files_are_as_they_were(zip_path: P
                 assert wheel.testzip() is None
 
 
+@pytest.mark.once
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the page has the sizes of the zip for Linux")
 def test_the_page_says_how_large_the_zip_is_and_what_is_in_it(zip_path: Path):
     page = (ROOT / "docs" / "distribution.md").read_text(encoding="utf-8")
@@ -249,6 +262,7 @@ answer(points=len(heights), height=max(map(abs, heights)), instances=instances,
     assert seen["warnings"] == {}
 
 
+@pytest.mark.once
 def test_the_first_run_of_the_extension_waits_for_no_compiler(
     installed: dict, run_in_blender: Callable[[str], dict], tmp_path: Path
 ):
