@@ -23,10 +23,19 @@ def test_an_example_draws_its_picture_and_passes_its_own_check(path: Path, tmp_p
     spec = importlib.util.spec_from_file_location(f"example_{path.stem}", path)
     example = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(example)
+    if hasattr(example, "render"):
+        # What Cycles draws takes most of the time, of which a quarter of the pixels say as much.
+        honest = example.render
+
+        def render_smaller(picture: Path) -> None:
+            example.bpy.context.scene.render.resolution_percentage = 50
+            honest(picture)
+
+        monkeypatch.setattr(example, "render", render_smaller)
     example.test_final(example.main(tmp_path))
     assert [made.name for made in tmp_path.iterdir()] == [f"{path.stem}.png"]
     picture = np.asarray(image.open(tmp_path / f"{path.stem}.png").convert("L"), float)
-    assert min(picture.shape) > 400 and picture.std() > 20.0
+    assert min(picture.shape) > (200 if hasattr(example, "render") else 400) and picture.std() > 20.0
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)

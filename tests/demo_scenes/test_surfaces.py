@@ -36,9 +36,9 @@ def test_a_scene_passes_its_own_checks(blender_module, monkeypatch, scene):
     honest = surfaces.esh.scatter
 
     def hurried(target, classes, **options):
-        """A tenth of the bodies, and few steps."""
+        """A third of the bodies, and few steps. Of fewer, each has more of the surface around it to be measured."""
         fewer = [
-            replace(one, sizes=[replace(size, count=max(size.count // 10, 5)) for size in one.sizes]) for one in classes
+            replace(one, sizes=[replace(size, count=max(size.count // 3, 5)) for size in one.sizes]) for one in classes
         ]
         return honest(target, fewer, **{**options, "max_steps": 20})
 
