@@ -123,7 +123,7 @@ def random_polygon(rng: np.random.Generator, area: float) -> list[tuple[float, f
     return [tuple(corner) for corner in corners * math.sqrt(area / hull.area)]
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_polygons_of_all_sizes_are_parted_at_80_percent_and_stay_as_even(seed):
     """They are so close together that they must turn, and that large ones need more room than small ones."""
     rng = np.random.default_rng(seed)
@@ -413,9 +413,12 @@ GROUNDS = {
 }
 
 
-@pytest.mark.parametrize("smooth", [False, True], ids=["flat faces", "smooth"])
-@pytest.mark.parametrize("align", [1.0, 0.5, 0.0])
-@pytest.mark.parametrize("ground", GROUNDS)
+# Smooth normals differ from those of the faces on hills most of all, and on a slope not at all.
+SLOPES = [(ground, align, smooth) for ground in GROUNDS for align in (1.0, 0.5, 0.0) for smooth in (False, True)]
+SLOPES = [(ground, align, smooth) for ground, align, smooth in SLOPES if not smooth or ground == "hills"]
+
+
+@pytest.mark.parametrize(("ground", "align", "smooth"), SLOPES)
 def test_outlines_on_slopes_lie_in_the_planes_that_objects_stand_in(ground, align, smooth):
     item = terrain("Ground", 10.0, GROUNDS[ground])
     item.data.polygons.foreach_set("use_smooth", [smooth] * len(item.data.polygons))
@@ -425,7 +428,7 @@ def test_outlines_on_slopes_lie_in_the_planes_that_objects_stand_in(ground, alig
         esh.ScatterClass("long", [esh.ScatterSize("all", 20, rectangle("Long", 1.5, 0.25))], direction=0.6),
     ]
     result = esh.scatter(
-        item, classes, device="cpu", avoid_overlap=True, seed=3, align_to_normal=align, scale_jitter=0.3
+        item, classes, device="cpu", max_steps=40, avoid_overlap=True, seed=3, align_to_normal=align, scale_jitter=0.3
     )
     seen = outlines_in_the_scene()
     assert len(seen) == 125 and result.report.overlaps == 0
@@ -470,8 +473,7 @@ def test_a_slope_holds_as_many_as_its_surface_has_room_for():
     assert result.report.covered == pytest.approx(0.67, abs=0.01)
 
 
-@pytest.mark.parametrize("align", [1.0, 0.0])
-@pytest.mark.parametrize("ground", ["plane", "hills"])
+@pytest.mark.parametrize(("ground", "align"), [("plane", 1.0), ("hills", 1.0), ("hills", 0.0)])
 @pytest.mark.parametrize(("turn", "most"), [(0.0, 0.8), (2.0 * math.pi, 0.85)])
 def test_cover_asks_for_as_much_as_can_lie_there(ground, align, turn, most):
     """Of boxes of a given turn about three quarters, of free ones more; of upright ones what there is room for seen from above."""
