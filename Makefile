@@ -14,6 +14,8 @@ RUN := $(VENV)/bin/python
 PIP_INSTALL := -m pip install --quiet --disable-pip-version-check
 OUTPUT ?= output
 PLATFORM ?=
+# Every process would compile all modules anew, which takes it a second.
+unexport PYTHONDONTWRITEBYTECODE
 # Generations of GPUs to compile kernels for: all, unless it is set (GPUS="75 80 90"), to nothing for none.
 GPUS_OPTION := $(if $(filter undefined,$(origin GPUS)),,--gpus $(GPUS))
 SCENES ?= 10
