@@ -351,6 +351,8 @@ def _chebyshev(half: float) -> np.ndarray:
     terms = int(4.0 * math.sqrt(half * 17.0) + 24.0)
     angle = math.pi * (np.arange(terms) + 0.5) / terms
     values = np.exp(half * (np.cos(angle) - 1.0))
-    coefficient = 2.0 / terms * (values @ np.cos(angle[:, None] * np.arange(terms)))
+    # A cosine transform by way of a Fourier transform: the table of all cosines had millions of them for classes of few bodies.
+    transformed = np.fft.fft(np.concatenate([values[::2], values[1::2][::-1]]))
+    coefficient = 2.0 / terms * (np.exp(-0.5j * math.pi / terms * np.arange(terms)) * transformed).real
     coefficient[0] *= 0.5
     return coefficient[: max(2, int(np.flatnonzero(np.abs(coefficient) > PRECISION)[-1]) + 1)]
