@@ -30,6 +30,7 @@ from esh.esh_scatter.api import (  # noqa: E402
     Unsharp,
     scatter,
 )
+from esh.esh_scatter.classes import lent_survey  # noqa: E402
 from esh.esh_scatter.classes.survey import Survey  # noqa: E402
 
 # All numbers are looked at before Blender hears of any.
@@ -43,6 +44,10 @@ def small_charts(monkeypatch):
     """The ground is level and of one density: a finer chart says no more, and takes most of the time."""
     assert Survey().resolution == RESOLUTION
     monkeypatch.setattr(Survey.__init__, "__defaults__", (256,))
+    # The survey that runs lend to each other is one of these, and no other test is to get it.
+    lent_survey.detach()
+    yield
+    lent_survey.detach()
 
 
 @pytest.fixture(autouse=True)
