@@ -236,8 +236,8 @@ def real_objects():
     yield from hand.keys("g", "x")
     yield from hand.write("0.5")
     yield from hand.keys("Return")
-    # A menu has no command of its own: it is below the two lines that say what is the case.
-    x, y = on_panel(top, 3.8)
+    # A menu has no command of its own: it is below the two lines that say what is the case, as is said above the panel since then.
+    x, y = on_panel(top, 5.8)
     yield from hand.click((x, y))
     take_screenshot("hand-11-back-menu.png")
     yield from hand.keys("k")
