@@ -87,20 +87,23 @@ def test_lines_and_outlines_in_a_spot_keep_apart():
 
 @pytest.mark.parametrize("radius", [0.5, 0.12])
 def test_an_edit_of_a_spot_moves_only_what_it_changes(radius):
-    with Solver(problem_of(disc(radius), 2000), device="cpu") as solver:
-        solver.step(100)
-        before = solver.placement().position
-        changed = disc(radius, less=0.3)
-        count = round(2000 * float(changed.sum() / disc(radius).sum()))
-        solver.edit(problem_of(changed, count))
-        solver.step(5)
-        position = solver.placement().position
-    spacing = math.sqrt(math.pi * radius**2 / 2000)
-    nearest = cKDTree(position).query(position, k=2)[0][:, 1]
-    assert nearest.min() > 0.7 * spacing
-    far = np.hypot(position[:, 0] - MIDDLE[0] - 0.4 * radius, position[:, 1] - MIDDLE[1]) > 0.3 * radius + 2.0 * spacing
-    # In the smaller one, of five counts .78 to .92: few are far enough.
-    assert np.mean(cKDTree(before).query(position[far])[0] < 0.1 * spacing) > (0.8 if radius == 0.5 else 0.7)
+    unmoved = []
+    # Few are far enough from the change: one count says little.
+    for count in (1800, 2000, 2200):
+        with Solver(problem_of(disc(radius), count), device="cpu") as solver:
+            solver.step(100)
+            before = solver.placement().position
+            changed = disc(radius, less=0.3)
+            solver.edit(problem_of(changed, round(count * float(changed.sum() / disc(radius).sum()))))
+            solver.step(5)
+            position = solver.placement().position
+        spacing = math.sqrt(math.pi * radius**2 / count)
+        nearest = cKDTree(position).query(position, k=2)[0][:, 1]
+        assert nearest.min() > 0.7 * spacing
+        from_change = np.hypot(position[:, 0] - MIDDLE[0] - 0.4 * radius, position[:, 1] - MIDDLE[1])
+        far = from_change > 0.3 * radius + 2.0 * spacing
+        unmoved.append(np.mean(cKDTree(before).query(position[far])[0] < 0.1 * spacing))
+    assert np.mean(unmoved) > 0.8
 
 
 def test_the_field_of_a_part_is_that_of_all():
