@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -121,8 +121,11 @@ def cover_of_images(problem: Problem, images: Sequence[np.ndarray], of_class: np
     """
     apart, domain = _apart(problem), problem.rectangle
     shape = _cells(domain, float(of_class.sum()) / problem.body_count)
-    shares = [in_cells(image, shape) for image in images]
-    free = np.clip(np.max([in_cells(image > 0.0, shape) for image in images], axis=0), 0.0, 1.0)
+    # Classes may share an image.
+    distinct = {id(image): image for image in images}
+    share_of = {key: in_cells(image, shape) for key, image in distinct.items()}
+    shares = [share_of[id(image)] for image in images]
+    free = np.clip(_where_any(distinct.values(), shape), 0.0, 1.0)
     cell = domain.area / (shape[0] * shape[1])
     of_cells = [total * share / share.sum() for total, share in zip(of_class, shares, strict=True)]
     asked = np.max(np.tensordot(apart, np.stack(of_cells), axes=1), axis=0)
@@ -138,6 +141,12 @@ def _apart(problem: Problem) -> np.ndarray:
     return np.ones((number, number)) if kept is None else kept.astype(np.float64)
 
 
+def _where_any(images: Iterable[np.ndarray], shape: tuple[int, int]) -> np.ndarray:
+    """Share of every cell of a grid in which the one of some images is above 0 that is so in most of it."""
+    result: np.ndarray = np.max([in_cells(image > 0.0, shape) for image in images], axis=0)
+    return result
+
+
 def _share_beside_obstacles(problem: Problem, domain: Domain, mean_area: float) -> float:
     """Part of what fits on free ground that fits beside obstacles: along them bodies leave gaps like those along an edge.
 
@@ -147,7 +156,7 @@ def _share_beside_obstacles(problem: Problem, domain: Domain, mean_area: float) 
         return 1.0
     radius = float(disc_radius(mean_area))
     shape = _pixels(domain, radius)
-    free = np.max([in_cells(c.density_image > 0.0, shape) for c in problem.classes], axis=0)
+    free = _where_any({id(c.density_image): c.density_image for c in problem.classes}.values(), shape)
     beside = clearance(problem.obstacles, domain, shape, 0.5 * radius) < 0.5 * radius
     return float(free[~beside].sum() / max(float(free.sum()), 1e-300))
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -453,7 +454,7 @@ def clearance(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, i
         if obstacle.image is not None:
             np.minimum(
                 result,
-                _from_image(obstacle.image, domain, shape, reach + obstacle.margin) - obstacle.margin,
+                _from_image(obstacle, domain, shape, reach + obstacle.margin) - np.float32(obstacle.margin),
                 out=result,
             )
             continue
@@ -479,32 +480,46 @@ def distance_to(
     large = np.float32(np.float32(2.0 * reach + 1.0) ** 2)
     # First up and down, then across: the square of the distance is a sum.
     padded = np.pad(mask, ((rows, rows), (0, 0)), mode="wrap") if periodic else mask
-    steps = _steps_to(padded)
+    steps = _steps_to(padded, rows + 1)
     if periodic:
         steps = steps[rows : rows + mask.shape[0]]
     up = np.maximum(np.arange(rows + 1) - half, 0.0) * pixel[1]
-    away = np.append((up**2).astype(np.float32), large)
-    squared = away[np.minimum(steps, rows + 1)]
-    beside = ((0, 0), (columns, columns))
-    wide = np.pad(squared, beside, mode="wrap") if periodic else np.pad(squared, beside, constant_values=large)
+    squared = np.append((up**2).astype(np.float32), large)[steps]
+    across = (np.maximum(np.arange(columns + 1) - half, 0.0) * pixel[0]) ** 2
     # A few rows at a time, which stay in the processor's cache.
     for first in range(0, len(squared), ROWS):
-        nearest, around = squared[first : first + ROWS], wide[first : first + ROWS]
-        if (around >= large).all():
+        nearest = squared[first : first + ROWS]
+        known = (nearest < large).any(axis=0)
+        if not known.any():
             continue
-        for step in range(-columns, columns + 1):
-            beyond = np.float32((max(abs(step) - half, 0.0) * pixel[0]) ** 2)
-            np.minimum(nearest, around[:, columns + step : columns + step + mask.shape[1]] + beyond, out=nearest)
-    return np.minimum(np.sqrt(squared), np.float32(reach))
+        beside = ((0, 0), (columns, columns))
+        wide = np.pad(nearest, beside, mode="wrap") if periodic else np.pad(nearest, beside, constant_values=large)
+        for begin, end in _runs(np.pad(known, columns, mode="wrap" if periodic else "constant"), columns):
+            for step in range(-columns, columns + 1):
+                there = wide[:, columns + begin + step : columns + end + step]
+                np.minimum(nearest[:, begin:end], there + np.float32(across[abs(step)]), out=nearest[:, begin:end])
+    return np.minimum(np.sqrt(squared, out=squared), np.float32(reach), out=squared)
 
 
-def _steps_to(mask: np.ndarray) -> np.ndarray:
-    """How many rows away the nearest pixel in ``mask`` of the same column is; more than all rows where there is none."""
-    steps = np.where(mask, np.int32(0), np.int32(len(mask) + 1))
+def _runs(known: np.ndarray, columns: int) -> list[tuple[int, int]]:
+    """First and last columns, and the one behind these, of all that are no farther than so many from a known one.
+
+    ``known`` has as many more on either side, which are those of copies, or unknown.
+    """
+    at = np.flatnonzero(known) - columns
+    begin, end = np.maximum(at - columns, 0), np.minimum(at + columns + 1, len(known) - 2 * columns)
+    parted = np.flatnonzero(begin[1:] > end[:-1])
+    first, last = begin[np.concatenate([[0], parted + 1])], end[np.concatenate([parted, [len(at) - 1]])]
+    return list(zip(first.tolist(), last.tolist(), strict=True))
+
+
+def _steps_to(mask: np.ndarray, most: int) -> np.ndarray:
+    """How many rows away the nearest pixel in ``mask`` of the same column is, and ``most`` where that is more, or there is none."""
+    steps = np.where(mask, np.int16(0), np.int16(most))
     # Down, and up again: a row at a time, which is fifteen times as fast as what NumPy accumulates.
     for rows in (steps, steps[::-1]):
         for before, row in pairwise(rows):
-            np.minimum(row, before + 1, out=row)
+            np.minimum(row, before + np.int16(1), out=row)
     return steps
 
 
@@ -566,19 +581,35 @@ def _cut_shape(
     np.minimum(result[rows, columns], away, out=result[rows, columns], casting="same_kind")
 
 
-def _from_image(image: np.ndarray, domain: Domain, shape: tuple[int, int], reach: float) -> np.ndarray:
-    """Distance of every pixel's center from the edge of an image's obstacles, below 0 within them."""
-    mask = _any_of(_any_of(image, shape[0]).T, shape[1]).T
+# How far pixels are from images of obstacles, and up to which reach that is known, by domain and number of pixels: a problem asks more
+# than once, and another one after an edit asks the same.
+_distances: WeakKeyDictionary[Obstacle, dict[Hashable, tuple[float, np.ndarray]]] = WeakKeyDictionary()
+
+
+def _from_image(obstacle: Obstacle, domain: Domain, shape: tuple[int, int], reach: float) -> np.ndarray:
+    """Distance of every pixel's center from the edge of an image's obstacles, below 0 within them; right up to ``reach`` at least.
+
+    It is kept as long as the obstacle is, and so nobody may write it.
+    """
+    assert obstacle.image is not None
     pixel = (domain.size[0] / shape[1], domain.size[1] / shape[0])
-    half = np.float32(0.5 * min(pixel))
-    away = distance_to(mask, pixel, reach + max(pixel), domain.periodic, squares=True)
-    # Within them nobody asks how far: half a pixel on their edge, more than that elsewhere.
-    return np.where(mask, np.float32(-2.0) * half, away)
+    reach += max(pixel)
+    known = _distances.setdefault(obstacle, {})
+    key = domain.size, domain.periodic, shape
+    if key not in known or known[key][0] < reach:
+        mask = np.ascontiguousarray(_any_of(_any_of(obstacle.image, shape[0]).T, shape[1]).T)
+        away = distance_to(mask, pixel, reach, domain.periodic, squares=True)
+        # Within them nobody asks how far: half a pixel on their edge, more than that elsewhere.
+        away[mask] = np.float32(-min(pixel))
+        known[key] = reach, away
+    return known[key][1]
 
 
 def _any_of(image: np.ndarray, rows: int) -> np.ndarray:
     """An image of so many rows, bool: where any part of a row is set."""
     own = len(image)
+    if rows == own:
+        return image
     if rows % own == 0:
         return np.repeat(image, rows // own, axis=0)
     begin = np.arange(rows) * own // rows

@@ -6,7 +6,7 @@ What is asked is a :class:`~.body_class.BodyClass`. Here its density is sharpene
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -255,7 +255,7 @@ def cut_out(
     body_class: PreparedClass,
     domain: Domain,
     obstacles: Sequence[Obstacle],
-    known: dict[tuple[int, int], np.ndarray] | None = None,
+    known: dict[Hashable, np.ndarray] | None = None,
 ) -> PreparedClass:
     """Return a class whose density is 0 on obstacles; its image may have more pixels.
 
@@ -263,7 +263,8 @@ def cut_out(
         body_class: The class.
         domain: Where.
         obstacles: The obstacles.
-        known: Clearances by the shapes of their images, of these obstacles: what another class has needed is not made again.
+        known: What other classes have needed beside these obstacles, and is not made again: clearances by the shapes of their images,
+            and what is left of images.
 
     Raises:
         ProblemError: Nothing of the density is left, or too little for a count of ``"cover"``.
@@ -274,11 +275,13 @@ def cut_out(
     known = {} if known is None else known
     if shape not in known:
         known[shape] = clearance(obstacles, domain, shape, pixel)
-    free = known[shape]
-    factors = [n // own for n, own in zip(shape, image.shape, strict=True)]
-    fine = np.repeat(np.repeat(image, factors[0], axis=0), factors[1], axis=1)
-    # The share of a pixel that an edge leaves.
-    fine = fine * np.clip(0.5 + free / np.float32(pixel), 0.0, 1.0)
+    key = id(image), shape
+    if key not in known:
+        factors = [n // own for n, own in zip(shape, image.shape, strict=True)]
+        fine = np.repeat(np.repeat(image, factors[0], axis=0), factors[1], axis=1)
+        # The share of a pixel that an edge leaves.
+        known[key] = fine * np.clip(0.5 + known[shape] / np.float32(pixel), 0.0, 1.0)
+    fine = known[key]
     if not fine.any():
         raise ProblemError(
             f'`obstacles` must leave some ground where the density of class "{body_class.name}" is above 0',

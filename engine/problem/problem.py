@@ -10,7 +10,7 @@ Symbols are those of the paper, Schmaltz, Gwosdek and Weickert 2012, Multi-Class
 from __future__ import annotations
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -143,8 +143,8 @@ class Problem(ProblemSettings):
                 with_clumps(c, index, domain, settings.seed, settings.regularity) for index, c in enumerate(bases)
             )
             if obstacles:
-                clearances: dict[tuple[int, int], np.ndarray] = {}
-                prepared = tuple(cut_out(c, domain, obstacles, clearances) for c in prepared)
+                known: dict[Hashable, np.ndarray] = {}
+                prepared = tuple(cut_out(c, domain, obstacles, known) for c in prepared)
         prepared = _sharing_images(prepared)
         settle(self, **values_of(settings, ProblemSettings))
         settle(self, domain=domain, classes=prepared, balance=balance, obstacles=obstacles)
@@ -330,6 +330,9 @@ def _sharing_images(classes: Sequence[PreparedClass]) -> tuple[PreparedClass, ..
     seen: dict[tuple[tuple[int, ...], int], list[np.ndarray]] = {}
     for body_class in classes:
         image = body_class.density_image
+        if any(image is other.density_image for other in result):
+            result.append(body_class)
+            continue
         alike = seen.setdefault((image.shape, zlib.crc32(np.ascontiguousarray(image).data)), [])
         shared = next((other for other in alike if other is image or np.array_equal(other, image)), None)
         if shared is None:

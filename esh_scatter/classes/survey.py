@@ -7,6 +7,7 @@ from collections.abc import Hashable
 import numpy as np
 
 from ...engine.problem.domain import Domain
+from ...engine.problem.obstacles import Obstacle
 from ...engine.problem.scatter_settings import BorderSettings, TargetSettings
 from ...engine.problem.surface import Surface
 from ...engine.surface.chart import RESOLUTION, Chart
@@ -36,6 +37,7 @@ class Survey:
         self.resolution = resolution
         self._chart: tuple[Hashable, Chart | WholeSurface] | None = None
         self._domain: Domain | None = None
+        self._drawn_obstacle: Obstacle | None = None
         self._outlines: dict[Hashable, Outline] = {}
         self._densities: dict[Hashable, np.ndarray] = {}
         self._used: set[Hashable] = set()
@@ -85,6 +87,13 @@ class Survey:
         if content not in self._outlines:
             self._outlines[content] = outline_of(mesh, key)
         return self._outlines[content]
+
+    def drawn_obstacle(self, image: np.ndarray) -> Obstacle:
+        """Return an obstacle of an image, bool: the one of before, of which more is known, if that was the same."""
+        before = self._drawn_obstacle
+        if before is None or before.image is None or not np.array_equal(before.image, image):
+            self._drawn_obstacle = before = Obstacle(image=image)
+        return before
 
     def density(self, name: str, reader: DensityReader, chart: Chart | WholeSurface) -> np.ndarray:
         """Return the density of a class over the cells of a chart, shape ``chart.shape``, or at a surface's points, ``[n]``, float32.

@@ -262,7 +262,7 @@ def obstacles_in(
         beside = reach + BESIDE * float(max(chart.size))
         found += [_obstacle_of(c, obstacle.reach, reach) for c in near if _comes_upon(c, beside, chart.size)]
     image = obstacle_image(drawn, chart.size, cells)
-    return found if image is None else [*found, image]
+    return found if image is None else [*found, survey.drawn_obstacle(image)]
 
 
 def _cells_for(size: np.ndarray, classes: Sequence[PreparedClass]) -> int:
@@ -306,7 +306,7 @@ def _convex_corners(triangle: np.ndarray) -> np.ndarray | None:
     return hull if np.count_nonzero(full & ~own) <= MOST_LACKING * np.count_nonzero(full) else None
 
 
-def obstacle_image(drawn: Sequence[tuple[np.ndarray, float]], size: np.ndarray, cells: int = CELLS) -> Obstacle | None:
+def obstacle_image(drawn: Sequence[tuple[np.ndarray, float]], size: np.ndarray, cells: int) -> np.ndarray | None:
     """Draw triangles of a rectangle of this size [m] and what is as near to them as is said with them; None where that is nothing."""
     cell = float(max(size)) / cells
     shape = int(max(1, round(float(size[1]) / cell))), int(max(1, round(float(size[0]) / cell)))
@@ -314,7 +314,7 @@ def obstacle_image(drawn: Sequence[tuple[np.ndarray, float]], size: np.ndarray, 
     for triangle, reach in drawn:
         if len(triangle):
             _draw(image, triangle, reach, size)
-    return Obstacle(image=image) if image.any() else None
+    return image if image.any() else None
 
 
 def _outlines(stood: Stood, survey: Survey) -> list[np.ndarray]:

@@ -631,3 +631,13 @@ def test_obstacles_have_as_many_pixels_as_the_spacing_needs(ground, tree):
     assert cells(300) == cells(310) == 512
     assert cells(1500) == 1024 and cells(50_000) == 2048
     assert cells(300, spot) == 2048
+
+
+def test_what_is_drawn_alike_is_the_same_obstacle_in_the_next_run():
+    from esh.esh_scatter.classes.survey import Survey
+
+    survey, image = Survey(), np.eye(8, dtype=bool)
+    first = survey.drawn_obstacle(image)
+    assert survey.drawn_obstacle(image.copy()) is first
+    other = survey.drawn_obstacle(image[::-1].copy())
+    assert other is not first and np.array_equal(other.image, image[::-1])

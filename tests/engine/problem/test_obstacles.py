@@ -54,19 +54,44 @@ def test_obstacles_go_on_across_a_periodic_border():
 
 
 @pytest.mark.parametrize("periodic", [False, True])
-def test_distance_from_a_mask_is_that_of_all_pairs(periodic):
+@pytest.mark.parametrize(("shape", "share"), [((12, 17), 0.04), ((75, 90), 0.001), ((75, 90), 0.3), ((40, 50), 0.0)])
+def test_distance_from_a_mask_is_that_of_all_pairs(shape, share, periodic):
     rng = np.random.default_rng(0)
-    mask = rng.random((12, 17)) < 0.04
+    mask = rng.random(shape) < share
     pixel = (0.5, 0.3)
+    height, width = pixel[1] * shape[0], pixel[0] * shape[1]
     rows, columns = np.indices(mask.shape)
     nearest = np.full(mask.shape, np.inf)
     for row, column in np.argwhere(mask):
         dy, dx = (rows - row) * pixel[1], (columns - column) * pixel[0]
         if periodic:
-            dy -= 3.6 * np.round(dy / 3.6)
-            dx -= 8.5 * np.round(dx / 8.5)
+            dy -= height * np.round(dy / height)
+            dx -= width * np.round(dx / width)
         nearest = np.minimum(nearest, np.hypot(dx, dy))
     np.testing.assert_allclose(distance_to(mask, pixel, 1.2, periodic), np.minimum(nearest, 1.2), atol=1e-6)
+
+
+def test_what_is_known_of_an_image_is_as_if_it_were_asked_afresh():
+    image = np.random.default_rng(1).random((30, 40)) < 0.02
+    kept = Obstacle(image=image, margin=0.1)
+    for reach, shape in ((0.3, SHAPE), (0.9, SHAPE), (0.2, SHAPE), (0.5, (60, 80)), (0.9, SHAPE)):
+        found = clearance([kept], DOMAIN, shape, reach)
+        np.testing.assert_array_equal(found, clearance([Obstacle(image=image, margin=0.1)], DOMAIN, shape, reach))
+        # Nobody who writes it changes what the next one gets.
+        found[:] = -1.0
+    periodic = Domain(DOMAIN.size, "periodic")
+    found = clearance([kept], periodic, SHAPE, 0.9)
+    np.testing.assert_array_equal(found, clearance([Obstacle(image=image, margin=0.1)], periodic, SHAPE, 0.9))
+
+
+def test_classes_that_share_an_image_share_what_obstacles_leave_of_it():
+    density = np.linspace(0.1, 1.0, 16).reshape(4, 4)
+    classes = [BodyClass(name, [Size("a", 0.01, 30)], density) for name in "kl"]
+    classes.append(BodyClass("m", [Size("a", 0.01, 30)], density.T.copy()))
+    problem = Problem(DOMAIN, classes, obstacles=[Obstacle(disc=(4.0, 3.0, 1.0))])
+    one, same, other = (c.density_image for c in problem.classes)
+    assert one is same and not np.array_equal(one, other)
+    assert (one == 0.0).any() and (other == 0.0).any()
 
 
 def test_an_image_is_an_obstacle_where_it_is_white():
