@@ -58,6 +58,8 @@ __all__ = ["SurfaceDescent"]
 
 # Changes where the bodies of a new descent are.
 Start = Callable[["SurfaceDescent"], None]
+# Returns the share of every class's density on every tile, shape ``[class_count, tile_count]``, and leaves facets as they are cut.
+Shares = Callable[[Facets], np.ndarray]
 
 # Where a density changes within a tile by more than this share of its largest value there, tiles are cut into so many times so many.
 DETAIL = 0.3
@@ -95,6 +97,7 @@ class SurfaceDescent:
         launcher: Where to run.
         start: Says where bodies start, by the facets; None puts them on Hilbert curves.
         before: Another descent on the same surface, whose nodes are taken again if they will do.
+        shares: Says which densities are followed; None for those of the model's problem.
 
     Attributes:
         share: Share of every class's density on every tile, shape ``[class_count, tile_count]``.
@@ -115,12 +118,13 @@ class SurfaceDescent:
         launcher: Launcher,
         start: Start | None = None,
         before: SurfaceDescent | None = None,
+        shares: Shares | None = None,
     ) -> None:
         self.model, self.launcher = model, launcher
         surface = model.problem.domain
         assert isinstance(surface, Surface)
         self.facets = Facets(launcher, surface, model.unit, *joined_parts(launcher, surface, model.unit))
-        share = self._cut_by_detail()
+        share = self._cut_by_detail() if shares is None else shares(self.facets)
         self.bodies = bodies_for_kernels(model, launcher)
         on_device = self.facets.for_kernels()
         # Contact and lines go by what the surface is from near.

@@ -1,7 +1,8 @@
 """From one problem on a surface to another: which bodies stay, which go, and where new ones come down.
 
 As in the plane (:mod:`.edit`), what is in surplus where a density fell is taken out, and set down where it rose. Shares of the two
-densities are compared tile by tile; who goes, and where somebody comes, is spread evenly along the curve that tiles are in order of.
+densities are compared tile by tile; who goes, and where somebody comes, is spread evenly (:mod:`.surface_spreading`), in small places
+along the curve that tiles are in order of.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from .body_flags import BodyFlags
 from .carried_over import CarriedOver
 from .kernels_edit import FEW, UNCHANGED
 from .model import Model
-from .surface_places import Spots, TilePlaces, middles_of_strata, spots_of_points, tiles_of
+from .surface_places import Spots, TilePlaces, middles_of_strata, spots_of_points, tiles_of, with_first_corner
+from .surface_spreading import is_broad, nearest_of, spread_on_surface
 
 __all__ = ["carry_over_on_surface"]
 
@@ -124,8 +126,7 @@ class _SurfaceEdit:
         self._used[pool] = True
         wanted, there = len(rows) * share_now, len(pool) * share_before
         pool = pool[np.argsort(self._rank_on_curve[pool], kind="stable")]
-        tile = self._tile_of_old[pool]
-        staying = _staying(pool, self._points.position[pool], wanted[tile], there[tile], len(rows))
+        staying = self._staying(pool, wanted, there, len(rows))
         seats = rows
         if len(staying) and np.ptp(before.area[staying]) > 0.0:
             # Bodies of a range keep their ranks.
@@ -138,7 +139,61 @@ class _SurfaceEdit:
         self.facet[kept], self.weight[kept] = self._old_facet[staying], self._old_weight[staying]
         gain = np.where(self._share[c] > 0.0, np.maximum(wanted - there, 0.0), 0.0)
         gain[gain < UNCHANGED * wanted] = 0.0
-        self.facet[fresh], self.weight[fresh] = self._places.draw(gain if gain.any() else self._share[c], len(fresh))
+        self.facet[fresh], self.weight[fresh] = self._spread(gain if gain.any() else self._share[c], len(fresh))
+
+    def _spread(self, share: np.ndarray, count: int) -> Spots:
+        """So many places that are spread evenly over a share of every tile."""
+        spots = self._places.draw(share, count)
+        return spread_on_surface(self._facets, share, spots) if count > 1 and is_broad(self._facets, share) else spots
+
+    def _staying(self, pool: np.ndarray, wanted: np.ndarray, there: np.ndarray, seats: int) -> np.ndarray:
+        """Return which of some bodies stay: each as likely as its tile is wanted, all spread evenly, and no more than there are seats.
+
+        Args:
+            pool: Their numbers, along the curve of tiles.
+            wanted: How many bodies are wanted on every tile.
+            there: How many were.
+            seats: How many may stay.
+        """
+        tile = self._tile_of_old[pool]
+        chance = np.clip(1.0 - wanted / np.maximum(there, 1e-300), 0.0, 1.0)
+        chance[chance < UNCHANGED] = 0.0
+        surplus, going = len(pool) - seats, float(chance[tile].sum())
+        if surplus > going:
+            # More have to go than densities say.
+            chance += (1.0 - chance) * (surplus - going) / max(len(pool) - going, 1e-300)
+        stays = np.ones(len(pool), bool)
+        # Where few are left of many it is those that are to be even, elsewhere the gaps.
+        are_few = chance > 1.0 - FEW
+        for few in (False, True):
+            share = np.where(are_few == few, 1.0 - chance if few else chance, 0.0)
+            some = np.flatnonzero(are_few[tile] == few)
+            count = int(share[tile[some]].sum() + 0.5)
+            stays[some] = not few
+            stays[some[self._chosen(pool[some], share, there * share, count)]] = few
+        staying = np.flatnonzero(stays)
+        if len(staying) > seats:
+            staying = np.delete(staying, np.linspace(0, len(staying) - 1, len(staying) - seats).astype(int))
+        return np.sort(pool[staying])
+
+    def _chosen(self, pool: np.ndarray, chance: np.ndarray, share: np.ndarray, count: int) -> np.ndarray:
+        """Choose so many of some bodies, spread evenly; return their indices among these.
+
+        Args:
+            pool: Their numbers, along the curve of tiles.
+            chance: Of those on every tile.
+            share: How many of all are to be chosen on every tile.
+            count: How many.
+        """
+        tile = self._tile_of_old[pool]
+        may_be = np.flatnonzero(chance[tile] > 0.0)
+        position = self._points.position[pool]
+        if not 1 < count < len(may_be) or not is_broad(self._facets, share):
+            return middles_of_strata(position, chance[tile], count)
+        spots = spread_on_surface(self._facets, share, self._places.draw(share, count))
+        place = self._facets.surface.points(*self._facets.in_triangle(*with_first_corner(spots))).position
+        on_tile = tiles_of(self._facets, *spots)
+        return may_be[nearest_of(place, on_tile, position[may_be], tile[may_be])]
 
     def result(self, first_identity: int) -> CarriedOver:
         """Who has come from where; those that are new have ``first_identity`` and the following ones."""
@@ -154,34 +209,3 @@ class _SurfaceEdit:
         new = (self.source < 0) & ~self._model.fixed
         identity[new] = first + np.arange(int(new.sum()))
         return identity
-
-
-def _staying(pool: np.ndarray, position: np.ndarray, wanted: np.ndarray, there: np.ndarray, seats: int) -> np.ndarray:
-    """Return which of some bodies stay: each as likely as its tile is wanted, all spread evenly, and no more than there are seats.
-
-    Args:
-        pool: Their numbers, along the curve of tiles.
-        position: Where they are, shape ``[n, 3]``.
-        wanted: How many bodies are wanted on the tile of each.
-        there: How many were.
-        seats: How many may stay.
-    """
-    going = np.clip(1.0 - wanted / np.maximum(there, 1e-300), 0.0, 1.0)
-    going[going < UNCHANGED] = 0.0
-    surplus = len(pool) - seats
-    if surplus > going.sum():
-        # More have to go than densities say.
-        left = 1.0 - going
-        going += left * (surplus - going.sum()) / max(left.sum(), 1e-300)
-    stays = np.ones(len(pool), bool)
-    # Where few are left it is those that are to be even, elsewhere the gaps.
-    for few in (False, True):
-        some = np.flatnonzero((going > 1.0 - FEW) == few)
-        chance = 1.0 - going[some] if few else going[some]
-        count = int(chance.sum() + 0.5)
-        stays[some] = not few
-        stays[some[middles_of_strata(position[some], chance, count)]] = few
-    staying = np.flatnonzero(stays)
-    if len(staying) > seats:
-        staying = np.delete(staying, np.linspace(0, len(staying) - 1, len(staying) - seats).astype(int))
-    return np.sort(pool[staying])

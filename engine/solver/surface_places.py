@@ -34,6 +34,7 @@ __all__ = [
     "spots_of_places",
     "spots_of_points",
     "tiles_of",
+    "with_first_corner",
 ]
 
 # Bodies that are fixed take the place of others in cells of about so many spacings of their class.
@@ -299,9 +300,14 @@ def _tile_middles(facets: Facets) -> tuple[np.ndarray, np.ndarray]:
     return facet, np.einsum("nk,nkd->nd", weight, facets.corner[facet])
 
 
-def _positions(facets: Facets, spots: Spots) -> tuple[np.ndarray, np.ndarray]:
+def with_first_corner(spots: Spots) -> tuple[np.ndarray, np.ndarray]:
+    """Facets, and the weights of all three of their corners, shape ``[n, 3]``."""
     facet, weight = spots
-    full = np.column_stack([1.0 - weight.sum(axis=1), weight])
+    return facet, np.column_stack([1.0 - weight.sum(axis=1), weight])
+
+
+def _positions(facets: Facets, spots: Spots) -> tuple[np.ndarray, np.ndarray]:
+    facet, full = with_first_corner(spots)
     return np.einsum("nk,nkd->nd", full, facets.corner[facet]), full
 
 
