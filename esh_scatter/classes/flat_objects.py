@@ -28,10 +28,7 @@ def lift_for(length: float, thickness: float) -> float:
 
 
 def lift_of_class(body_class: Any) -> float:
-    """Return how far the objects of a class are to be lifted [m]; 0 where none is flat, or where they are off the ground already.
-
-    Collections that are placed as one are not looked into: this is asked whenever the sidebar is drawn.
-    """
+    """Return how far the objects of a class are to be lifted [m]; 0 where none is flat, or where they are off the ground already."""
     if body_class.offset:
         return 0.0
     lifts = (_lift_of_size(size) for size in body_class.sizes if size.source is not None)

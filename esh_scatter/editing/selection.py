@@ -17,10 +17,9 @@ from ...engine.surface.chart import Chart
 from ...engine.surface.whole_surface import WholeSurface
 from ..classes.flat_objects import lift_for
 from ..classes.object_outline import outline_of, read_source
-from ..classes.sunk_objects import is_sunk
+from ..classes.sunk_objects import is_sunk, own_heights
 from ..classes.survey import Survey
 from ..targets.references import Reference
-from ..targets.target import head_of, members_of, shown_collection, world_matrix
 from ..targets.targets import check_targets, read_targets
 
 if TYPE_CHECKING:
@@ -91,7 +90,7 @@ def _measured(item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh,
     stands = outline.is_around or height > max(outline.length, outline.width)
     taken = outline.area if outline.is_around else Footprint.polygon(outline.corners).area
     lift = 0.0 if stands else lift_for(float(np.ptp(mesh.position[:, :2], axis=0).max()), height)
-    return Measured(item, outline.area, taken, stands, _stand_on(item, mesh, bpy.context), lift)
+    return Measured(item, outline.area, taken, stands, _stand_on(item, mesh), lift)
 
 
 class SelectionSurvey:
@@ -201,15 +200,10 @@ def _read(
     return Reference(item, "object to place"), mesh
 
 
-def _stand_on(item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh, context: bpy.types.Context) -> str:
+def _stand_on(item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh) -> str:
     """Return what of an object touches the ground, as a class has it: what is not far below the origin is meant to be in it."""
-    low, high = float(mesh.position[:, 2].min()), float(mesh.position[:, 2].max())
-    head = head_of(item)
-    if head is not None and shown_collection(head) is None and members_of(head):
-        # A trunk with its origin in its middle has it below the middle of the tree.
-        own = (np.array(head.bound_box) @ world_matrix(head, context)[:3, :3].T)[:, 2]
-        low, high = float(own.min()), float(own.max())
-    return "LOWEST" if is_sunk(low, high) else "ORIGIN"
+    heights = own_heights(item) or (float(mesh.position[:, 2].min()), float(mesh.position[:, 2].max()))
+    return "LOWEST" if is_sunk(*heights) else "ORIGIN"
 
 
 def pleasant_counts(areas: Sequence[float], ground: float, cover: float, most: int) -> list[int]:

@@ -21,6 +21,7 @@ __all__ = [
     "RESULT_TARGET",
     "check_exists",
     "check_target",
+    "corners_of",
     "extent_of",
     "head_of",
     "is_mirrored",
@@ -93,11 +94,11 @@ def extent_of(item: bpy.types.Object | bpy.types.Collection, context: bpy.types.
     """Return how long, wide and high an object is along its own axes [m], shape ``[3]``; what is shown together, as it stands."""
     if isinstance(item, bpy.types.Object) and shown_collection(item) is None:
         return np.array(item.dimensions)
-    corners = _corners(item, np.eye(4), context)
+    corners = corners_of(item, np.eye(4), context)
     return np.ptp(corners, axis=0) if len(corners) else np.zeros(3)
 
 
-def _corners(
+def corners_of(
     item: bpy.types.Object | bpy.types.Collection, matrix: np.ndarray, context: bpy.types.Context
 ) -> np.ndarray:
     """Return the corners of the boxes around all that an object or a collection shows, moved by a matrix, shape ``[n, 3]``."""
@@ -110,7 +111,7 @@ def _corners(
         return np.array(item.bound_box) @ matrix[:3, :3].T + matrix[:3, 3]
     offset = np.eye(4)
     offset[:3, 3] = -np.array(together.instance_offset)
-    parts = [_corners(one, matrix @ offset, context) for one in shown_members_of(together)]
+    parts = [corners_of(one, matrix @ offset, context) for one in shown_members_of(together)]
     return np.concatenate(parts) if parts else np.empty((0, 3))
 
 

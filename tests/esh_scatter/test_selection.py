@@ -181,6 +181,46 @@ def test_of_objects_that_are_half_sunk_it_is_said_and_one_click_has_them_stand_o
     assert not bpy.ops.esh.class_raise.poll(), "once is enough"
 
 
+def test_collections_that_are_placed_as_one_are_looked_into_for_what_is_half_sunk(scatter):
+    body_class = scatter.classes[scatter.class_index]
+    size = body_class.sizes[0]
+    stack = bpy.data.collections.new("Stack")
+    for name, z in (("Lower", 5.0), ("Upper", 6.0)):
+        part = box(name, 1.0, 1.0, 1.0)
+        part.location.z = z
+        bpy.context.scene.collection.objects.unlink(part)
+        stack.objects.link(part)
+    # Two meters, of which the offset is at a quarter, a half, and at the foot.
+    size.source_kind, size.source_collection = "ASSET", stack
+    for offset, share in ((5.5, 0.0), (6.0, 0.5), (5.0, 0.0)):
+        stack.instance_offset.z = offset
+        assert sunk_share_of_class(body_class) == pytest.approx(share)
+    stack.instance_offset.z = 6.0
+    empty = bpy.data.objects.new("Stacked", None)
+    empty.instance_type, empty.instance_collection, empty.location.z = "COLLECTION", stack, 9.0
+    bpy.context.scene.collection.objects.link(empty)
+    bpy.context.view_layer.update()
+    size.source_kind, size.source_object = "OBJECT", empty
+    assert sunk_share_of_class(body_class) == pytest.approx(0.5), "what an empty shows, too"
+    size.source_kind = "ASSET"
+    assert bpy.ops.esh.class_raise() == {"FINISHED"} and body_class.stand_on == "LOWEST"
+    assert sunk_share_of_class(body_class) == 0.0
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    assert heights_above(scatter.target, body_class.name) == pytest.approx(1.0, abs=1e-5)
+
+
+def test_a_tree_whose_trunk_stands_on_its_origin_is_not_sunk_though_leaves_hang_below(ground):
+    trunk, leaves = box("Trunk", 0.3, 0.3, 2.0), box("Leaves", 1.0, 1.0, 4.0)
+    leaves.parent, leaves.location.z = trunk, -2.0
+    select(trunk, ground, active=ground)
+    bpy.ops.esh.scatter_selection()
+    body_class = bpy.context.scene.esh_scatter.active.classes[0]
+    assert body_class.stand_on == "ORIGIN" and sunk_share_of_class(body_class) == 0.0
+    trunk.data.transform(Matrix.Translation((0.0, 0.0, -1.0)))
+    bpy.context.view_layer.update()
+    assert sunk_share_of_class(body_class) == pytest.approx(0.5)
+
+
 def test_cover_most_mixing_and_seed_can_be_tuned(ground, objects):
     select(*objects, ground, active=ground)
     bpy.ops.esh.scatter_selection(cover=0.05, most=60, class_separation=0.9, boundary="OPEN", seed=5)
