@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import zlib
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -96,12 +97,9 @@ def make_real(context: bpy.types.Context, result: bpy.types.Object, class_names:
     collection = bpy.data.collections.new(f"{result.name} Objects")
     parent = result.users_collection[0] if result.users_collection else context.scene.collection
     parent.children.link(collection)
-    digits = max(4, len(str(int(shown.identity.max()) + 1)))
-    for identity, class_index, matrix, source in zip(
-        shown.identity.tolist(), shown.class_index.tolist(), shown.matrix, shown.source, strict=True
+    for identity, name, matrix, source in zip(
+        shown.identity.tolist(), _numbered(shown, class_names), shown.matrix, shown.source, strict=True
     ):
-        known = class_index < len(class_names)
-        name = f"{class_names[class_index] if known else source.name} {identity + 1:0{digits}d}"
         item = _copy_of(source, name)
         item.matrix_basis = Matrix(matrix.tolist())
         collection.objects.link(item)
@@ -243,6 +241,20 @@ def _read(context: bpy.types.Context, result: bpy.types.Object) -> _Instances:
     # In the order of the points.
     order = [row for row in np.argsort(identity, kind="stable").tolist() if shown[chosen[row]] is not None]
     return _Instances(identity[order], class_index[order], placed[order], [shown[chosen[row]] for row in order])
+
+
+def _numbered(shown: _Instances, class_names: Sequence[str]) -> list[str]:
+    """Return a name for every instance: that of its class, with a number that begins at 1 in each."""
+    names = [
+        class_names[number] if number < len(class_names) else source.name
+        for number, source in zip(shown.class_index.tolist(), shown.source, strict=True)
+    ]
+    counted: Counter[str] = Counter()
+    numbered = []
+    for name in names:
+        counted[name] += 1
+        numbered.append((name, counted[name]))
+    return [f"{name} {number:0{max(4, len(str(counted[name])))}d}" for name, number in numbered]
 
 
 def _copy_of(source: Any, name: str) -> bpy.types.Object:
