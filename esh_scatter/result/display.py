@@ -15,6 +15,7 @@ __all__ = [
     "begin_with_points",
     "get_inputs",
     "input_property",
+    "is_in_world",
     "matrix_of_points",
     "our_modifier",
     "set_inputs",
@@ -53,12 +54,16 @@ def matrix_of_points(item: bpy.types.Object) -> np.ndarray:
 
     What follows a target does so wherever the result itself stands: it is in the world.
     """
+    return np.eye(4) if is_in_world(item) else np.array(item.matrix_world, np.float64)
+
+
+def is_in_world(item: bpy.types.Object) -> bool:
+    """Tell whether a result is shown where its target is, wherever it stands itself."""
     modifier = our_modifier(item)
-    if modifier is not None and undoes_own_transform(modifier.node_group):
-        there = any(one.target is not None for one in followed_targets(modifier.node_group))
-        if there and get_inputs(modifier).get("Follow", True):
-            return np.eye(4)
-    return np.array(item.matrix_world, np.float64)
+    if modifier is None or not undoes_own_transform(modifier.node_group):
+        return False
+    there = any(one.target is not None for one in followed_targets(modifier.node_group))
+    return there and bool(get_inputs(modifier).get("Follow", True))
 
 
 def get_inputs(modifier: bpy.types.Modifier) -> dict[str, Any]:

@@ -27,6 +27,7 @@ __all__ = [
     "NAME",
     "OVERLAPPING",
     "find_result",
+    "is_copy",
     "remove_result",
     "rename_result",
     "set_node_group",
@@ -64,6 +65,14 @@ def find_result(
 def is_shared(item: bpy.types.Object) -> bool:
     """Tell whether several scenes show an object, or whether it belongs to a library: it is not for one of them to change."""
     return len(item.users_scene) > 1 or not item.is_editable
+
+
+def is_copy(item: bpy.types.Object, result: bpy.types.Object) -> bool:
+    """Tell whether an object was copied from a result: it was made as that was, or shows what that shows by the same nodes."""
+    if item.get(NAME) == result.get(NAME) and item.get(RESULT_TARGET) == result.get(RESULT_TARGET):
+        return True
+    own, others = our_modifier(item), our_modifier(result)
+    return own is not None and others is not None and own.node_group == others.node_group
 
 
 def _results(scene: bpy.types.Scene, target: bpy.types.Object, name: str) -> list[bpy.types.Object]:

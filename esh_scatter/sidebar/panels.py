@@ -1,6 +1,6 @@
 """The sidebar tab: the panels of a scatter."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from typing import Any
 
 import bpy
@@ -13,10 +13,10 @@ from ..properties.asked_once import asked_once
 from ..properties.scatter import BY_HAND, ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import real_objects, words
-from ..result.display import get_inputs, input_property, our_modifier
+from ..result.display import get_inputs, input_property, is_in_world, our_modifier
 from ..result.local_views import is_left_out
 from ..result.refused import NOT_SEEN
-from ..result.result import is_shared
+from ..result.result import find_result, is_copy, is_shared
 from ..solving import live, running
 from ..targets import checksums
 from ..targets.target import is_result
@@ -59,7 +59,7 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
                 # The first run adds its scatter when it ends.
                 _draw_progress(layout)
                 return
-            _draw_foreign(context, layout.column(), [])
+            _draw_foreign(context, layout.column())
             _draw_beginning(context, layout.column())
             return
         top = layout.column()
@@ -107,7 +107,7 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
             _draw_real(context, layout.column(align=True), "The instances are real objects now")
         elif result is not None and is_left_out(result, context):
             write_text(context, layout, "The result is not in this local view; View > Local View ends it", icon="INFO")
-        _draw_foreign(context, layout.column(), context.scene.esh_scatter.scatters)
+        _draw_foreign(context, layout.column())
         if checksums.is_old():
             running.redraw_later()
 
@@ -298,17 +298,42 @@ def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> N
     column.operator("esh.example", icon="OUTLINER_OB_POINTCLOUD")
 
 
-def _draw_foreign(context: bpy.types.Context, column: bpy.types.UILayout, scatters: Iterable[ESH_PG_scatter]) -> None:
-    """Say of an active result that is none of these scatters' where its settings are."""
-    item = context.view_layer.objects.active
+def _draw_foreign(context: bpy.types.Context, column: bpy.types.UILayout) -> None:
+    """Say of an active result that is no scatter's of the scene whose copy it is, or where its settings are."""
+    item, scatters = context.view_layer.objects.active, context.scene.esh_scatter.scatters
     if item is None or not is_result(item) or any(scatter.result == item for scatter in scatters):
         return
-    text = (
-        f'"{item.name}" belongs to no scatter of this scene. If it is of another file, its settings are there: append that scene, '
-        "or import a preset of it"
-    )
-    write_text(context, column, text, icon="INFO")
+    scatter = next((one for one in scatters if one.result is not None and is_copy(item, one.result)), None)
+    if scatter is not None:
+        _draw_copy(context, column, item, scatter)
+    else:
+        write_text(context, column, _where_settings_are(item), icon="INFO")
     column.separator()
+
+
+def _draw_copy(
+    context: bpy.types.Context, column: bpy.types.UILayout, item: bpy.types.Object, scatter: ESH_PG_scatter
+) -> None:
+    """Say of a copy of a scatter's result that runs do not change it, and let it be moved; or that the next run takes it."""
+    original, modifier = scatter.result_in(context.scene), our_modifier(item)
+    if original is None and find_result(context.scene, scatter.chosen_target, scatter.name) == item:
+        text = f'"{item.name}" is a copy of the result that is no longer there. Scatter takes it in its place'
+        write_text(context, column, text, icon="INFO")
+        return
+    said = f'"{item.name}" is a copy of what "{scatter.name}" has placed. Update leaves it as it is'
+    write_text(context, column, said, icon="INFO")
+    if modifier is not None and is_in_world(item):
+        write_text(context, column, "It stands where the target is. Switch Follow off to move it")
+        _draw_inputs(column, modifier, ("Follow",))
+
+
+def _where_settings_are(item: bpy.types.Object) -> str:
+    """Say of a result that is no scatter's of its scene where its settings are, as far as that is known."""
+    said = f'"{item.name}" belongs to no scatter of this scene'
+    for scene in bpy.data.scenes:
+        if any(scatter.result == item for scatter in scene.esh_scatter.scatters):
+            return f'{said}. Its settings are in the scene "{scene.name}"'
+    return f"{said}. If it is of another file, its settings are there: append that scene, or import a preset of it"
 
 
 def _draw_active_scatter(context: bpy.types.Context, row: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:

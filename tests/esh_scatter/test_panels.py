@@ -23,8 +23,9 @@ from esh.esh_scatter.properties.body_class import ESH_PG_class  # noqa: E402
 from esh.esh_scatter.properties.described import shown_settings  # noqa: E402
 from esh.esh_scatter.properties.layer import KINDS  # noqa: E402
 from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
+from esh.esh_scatter.result.display import our_modifier, set_inputs  # noqa: E402
 from esh.esh_scatter.result.refused import as_sentence  # noqa: E402
-from esh.esh_scatter.result.result import write_result  # noqa: E402
+from esh.esh_scatter.result.result import NAME, write_result  # noqa: E402
 from esh.esh_scatter.sidebar import class_panels, density_panel, menus, panel_parts, panels, preset_pictures  # noqa: E402
 from esh.esh_scatter.solving import running  # noqa: E402
 
@@ -596,11 +597,6 @@ def test_of_a_result_without_a_scatter_it_is_said_where_its_settings_are(tmp_pat
         return [text for text in draw_all(2000) if "belongs to no scatter of this scene" in text]
 
     assert not told()
-    copy = result.copy()
-    bpy.context.scene.collection.objects.link(copy)
-    bpy.context.view_layer.objects.active = copy
-    assert told()[0].startswith(f'"{copy.name}" ')
-    bpy.data.objects.remove(copy)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "other.blend"))
     bpy.ops.wm.read_homefile(use_empty=True)
     for link in (False, True):
@@ -611,6 +607,46 @@ def test_of_a_result_without_a_scatter_it_is_said_where_its_settings_are(tmp_pat
         bpy.context.view_layer.objects.active = wanted.objects[0]
         assert told() and "esh.scatter_selection" in draw_all()
         bpy.context.view_layer.objects.active = None
+
+
+def test_of_a_copy_of_a_result_it_is_said_whose_it_is_and_it_can_be_moved():
+    scatter = ready_scatter()
+    scatter.device, scatter.max_steps, scatter.avoid_overlap = "CPU", 5, False
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    scatter.name = "Wood"
+    copy = scatter.result.copy()
+    bpy.context.scene.collection.objects.link(copy)
+    bpy.context.view_layer.objects.active = copy
+    own = f'"{copy.name}" is a copy of what "Wood" has placed. Update leaves it as it is'
+
+    def told():
+        drawn = draw_all(2000)
+        return drawn[: drawn.index("surface")]
+
+    for _ in range(2):
+        assert told()[-3:] == [own, "It stands where the target is. Switch Follow off to move it", "Follow"]
+        # With points of its own, and after a run that gives the result others.
+        copy.data = copy.data.copy()
+        scatter.classes[0].sizes[0].count += 1
+        assert bpy.ops.esh.scatter() == {"FINISHED"}
+    set_inputs(our_modifier(copy), {"Follow": False})
+    assert told()[-1] == own
+    bpy.context.scene.collection.objects.unlink(scatter.result)
+    copy[NAME] = "Wood"
+    said = f'"{copy.name}" is a copy of the result that is no longer there. Scatter takes it in its place'
+    assert told()[-2:] == ["The result is no longer there", said]
+    assert bpy.ops.esh.scatter() == {"FINISHED"} and scatter.result == copy
+
+
+def test_of_a_result_of_another_scene_it_is_said_which_one():
+    result = ready_scatter().result
+    first = bpy.context.scene
+    other = bpy.data.scenes.new("Other")
+    other.collection.objects.link(result)
+    bpy.context.window.scene = other
+    other.view_layers[0].objects.active = result
+    said = f'"{result.name}" belongs to no scatter of this scene. Its settings are in the scene "{first.name}"'
+    assert said in draw_all(2000)
 
 
 def test_where_strokes_go_to_another_image_the_selected_one_can_be_painted():
