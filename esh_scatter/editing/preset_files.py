@@ -50,8 +50,8 @@ def read_preset(path: str | Path) -> dict[str, Any]:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise InputFileError(f'"{path}" must be a file that can be read; {error.strerror}') from None
-    except ValueError as error:
-        raise InputFileError(f'"{path}" must be JSON; {str(error).splitlines()[0]}') from None
+    except ValueError:
+        raise InputFileError(_no_preset(path)) from None
     return parse_preset(text, str(path))
 
 
@@ -64,9 +64,10 @@ def parse_preset(text: str, path: str) -> dict[str, Any]:
     try:
         found = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise InputFileError(f'"{path}" must be JSON; {str(error).splitlines()[0]}') from None
+        line = f" ({error})" if isinstance(error, json.JSONDecodeError) and FORMAT in text else ""
+        raise InputFileError(f"{_no_preset(path)}{line}") from None
     if not isinstance(found, dict) or found.get("format") != FORMAT:
-        raise InputFileError(f'"{path}" must be a preset of ESH Scatter, which says "format": "{FORMAT}"')
+        raise InputFileError(_no_preset(path))
     if found.get("version") != VERSION:
         raise InputFileError(f'"{path}" must be of version {VERSION}; got {show(found.get("version"))}')
     _check_keys(found, _KEYS, path)
@@ -90,6 +91,10 @@ def write_preset(path: str | Path, preset: Mapping[str, Any]) -> None:
         Path(path).write_text(text + "\n", encoding="utf-8")
     except OSError as error:
         raise InputFileError(f'"{path}" must be a file that can be written; {error.strerror}') from None
+
+
+def _no_preset(path: str | Path) -> str:
+    return f'"{path}" must be a preset of ESH Scatter: a file that Export Preset has written'
 
 
 def _check_class(one: object, where: str) -> None:

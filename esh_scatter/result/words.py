@@ -161,8 +161,7 @@ def cover(found: Cover) -> str:
     if found.too_much:
         return f"Overlap is unavoidable: it covers {found.covered:.0%} of the ground, about {found.fits:.0%} fits"
     if found.crowded > LEAST_CROWDED:
-        share = f"{found.crowded:.0%}"
-        return f"Too crowded in places: {share} of the objects go where more than {found.fits:.0%} of the ground would be covered"
+        return f"Too crowded in places: {found.crowded:.0%} of the objects go where not all fit. Lower counts, or even densities out"
     return ""
 
 

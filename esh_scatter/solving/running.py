@@ -133,7 +133,8 @@ class Session:
         if self.keeps:
             return "Keeping what is there"
         if progress:
-            return f"Step {progress.step} of {progress.steps}"
+            # Footprints that still overlap are pushed apart then, which takes as long again where it is crowded.
+            return f"Step {progress.step} of {progress.steps}" if progress.step < progress.steps else "Finishing"
         if still_stopping():
             return "Waiting for the stopped run"
         compiling = self.run.seconds >= _PATIENCE and may_compile(self.device)

@@ -183,10 +183,17 @@ def test_what_is_no_preset_is_said_and_changes_nothing(ground, tmp_path, changes
 
 
 def test_files_that_cannot_be_read_or_written_are_named(tmp_path):
-    (tmp_path / "text.json").write_text("no", encoding="utf-8")
-    for path, words in ((tmp_path / "none.json", "must be a file that can be read"), (tmp_path / "text.json", "JSON")):
+    said = "must be a preset of ESH Scatter: a file that Export Preset has written"
+    for name, content, words in (
+        ("none.json", None, "must be a file that can be read"),
+        ("text.json", b"no", f"{said}$"),
+        ("picture.json", bytes([255, 216, 255]), f"{said}$"),
+        ("torn.json", b'{"format": "esh-scatter-preset",\n "classes"', rf"{said} \(.*line 2"),
+    ):
+        if content is not None:
+            (tmp_path / name).write_bytes(content)
         with pytest.raises(esh.InputFileError, match=words):
-            read_preset(path)
+            read_preset(tmp_path / name)
     with pytest.raises(esh.InputFileError, match="must be a file that can be written"):
         write_preset(tmp_path / "no" / "folder.json", {"classes": []})
 

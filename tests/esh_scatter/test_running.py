@@ -60,6 +60,8 @@ def test_compiling_is_said_only_where_it_can_be(monkeypatch):
     session.run.progress = SimpleNamespace(step=1, steps=5)
     session.show()
     assert session.text == "Step 1 of 5"
+    session.run.progress = SimpleNamespace(step=5, steps=5)
+    assert session.text == "Finishing", "what follows the last step may take long"
     session.run.progress = None
     assert session.text == "Preparing", "it did so in this process"
 

@@ -110,6 +110,11 @@ def test_what_cannot_fit_is_said_once():
     assert words.notes(told, foreseen=True) == ["2 objects lie in obstacles"]
 
 
+def test_what_is_too_crowded_says_what_to_do():
+    said = "Too crowded in places: 34% of the objects go where not all fit. Lower counts, or even densities out"
+    assert words.cover(Cover(0.4, 0.8, 0.34)) == said
+
+
 def test_a_report_that_is_kept_says_what_its_notes_are_about():
     """Whatever their words are; and what it says is not lost when it is kept again."""
     made = report(overlaps=3, notes=[Note("too much", NoteKind.COVER), "a", Note("so many", NoteKind.OVERLAPS)])
