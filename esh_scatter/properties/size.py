@@ -11,7 +11,7 @@ from bpy.types import PropertyGroup
 
 from ...engine.problem.settings import settings_of
 from ...engine.problem.size import Size
-from ..targets.target import FAMILY_OF, members_of
+from ..targets.target import FAMILY_OF, is_result, members_of
 from .deleted import in_a_scene
 from .described import property_of, values_from
 from .names import keep_name_unused, name_class_after
@@ -20,9 +20,14 @@ from .shown_at_once import choose_variants_anew, place_others
 if TYPE_CHECKING:
     from ..api import ScatterSize
 
-__all__ = ["CLASSES", "ESH_PG_size"]
+__all__ = ["CLASSES", "ESH_PG_size", "can_be_placed"]
 
 _SIZE = settings_of(Size)
+
+
+def can_be_placed(_size: "ESH_PG_size", item: bpy.types.Object) -> bool:
+    """Tell whether an object can be chosen: it has a geometry to instance, and is no scatter's result."""
+    return bool(members_of(item)) and not is_result(item)
 
 
 def remember_source(size: "ESH_PG_size", context: object) -> None:
@@ -95,6 +100,7 @@ class ESH_PG_size(PropertyGroup):
         type=bpy.types.Object,
         name="Object",
         description="The object to place. It is instanced, not copied, and stays as it is",
+        poll=can_be_placed,
         update=remember_source,
     )
     source_was_in_scene: BoolProperty(options={"HIDDEN"})

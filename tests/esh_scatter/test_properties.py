@@ -15,6 +15,7 @@ from esh.esh_scatter.properties.described import shown_settings, values_from  # 
 from esh.esh_scatter.properties.influential_settings import WITHOUT_INFLUENCE  # noqa: E402
 from esh.esh_scatter.properties.names import unused_name  # noqa: E402
 from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
+from esh.esh_scatter.properties.size import ESH_PG_size, can_be_placed  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("empty_file")
 
@@ -54,6 +55,24 @@ def test_names_in_a_list_differ(scatter):
     second.name = scatter.classes[0].sizes[0].name
     assert len({size.name for size in scatter.classes[0].sizes}) == 2
     assert first.name not in {"", second.name}
+
+
+def test_only_what_can_be_placed_is_offered(scatter):
+    def empty(name, data=None):
+        item = bpy.data.objects.new(name, data)
+        bpy.context.scene.collection.objects.link(item)
+        return item
+
+    camera, plain = empty("Camera", bpy.data.cameras.new("Camera")), empty("Plain")
+    drop, shows = empty("Drop", bpy.data.metaballs.new("Drop")), empty("Shows")
+    shows.instance_type, shows.instance_collection = "COLLECTION", bpy.data.collections.new("Shown")
+    shows.instance_collection.objects.link(new_object("Bush"))
+    scatter.device, scatter.max_steps, scatter.avoid_overlap = "CPU", 5, False
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    size = scatter.classes[0].sizes[0]
+    offered = {item for item in bpy.data.objects if can_be_placed(size, item)}
+    assert offered == set(bpy.data.objects) - {camera, plain, drop, scatter.result}
+    assert ESH_PG_size.__annotations__["source_object"].keywords["poll"] is can_be_placed
 
 
 @pytest.mark.parametrize(
