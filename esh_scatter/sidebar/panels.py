@@ -322,8 +322,9 @@ def _draw_copy(
         return
     said = f'"{item.name}" is a copy of what "{scatter.name}" has placed. Update leaves it as it is'
     write_text(context, column, said, icon="INFO")
-    if modifier is not None and is_in_world(item):
-        write_text(context, column, "It stands where the target is. Switch Follow off to move it")
+    if modifier is not None:
+        if is_in_world(item):
+            write_text(context, column, "It stands where the target is. Switch Follow off to move it")
         _draw_inputs(column, modifier, ("Follow",))
 
 

@@ -630,7 +630,7 @@ def test_of_a_copy_of_a_result_it_is_said_whose_it_is_and_it_can_be_moved():
         scatter.classes[0].sizes[0].count += 1
         assert bpy.ops.esh.scatter() == {"FINISHED"}
     set_inputs(our_modifier(copy), {"Follow": False})
-    assert told()[-1] == own
+    assert told()[-2:] == [own, "Follow"], "it can be switched on again"
     bpy.context.scene.collection.objects.unlink(scatter.result)
     copy[NAME] = "Wood"
     said = f'"{copy.name}" is a copy of the result that is no longer there. Scatter takes it in its place'
