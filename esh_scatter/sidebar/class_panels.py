@@ -190,7 +190,7 @@ def _draw_in_ground(
         write_text(context, column, "Flat objects flicker where they lie in the ground", icon="INFO")
         column.operator("esh.class_lift", icon="TRIA_UP_BAR")
     elif share := sunk_share_of_class(body_class):
-        one = len(body_class.sizes) == 1 and body_class.sizes[0].source_kind == "OBJECT"
+        one = len(body_class.sizes) == 1 and body_class.sizes[0].source_kind != "COLLECTION"
         said = f"{'' if one else 'Up to '}{share:.0%} of their height is in the ground"
         write_text(context, column, said, icon="INFO")
         column.operator("esh.class_raise", icon="TRIA_UP_BAR")

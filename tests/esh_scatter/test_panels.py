@@ -420,6 +420,14 @@ def test_flat_objects_in_the_ground_and_those_half_in_it_are_told_of():
     tree.update()
     bpy.context.view_layer.update()
     assert {"esh.class_raise", "50% of their height is in the ground"} <= set(draw_all(400))
+    size = scatter.classes[0].sizes[0]
+    size.source_collection = bpy.data.collections.new("As One")
+    size.source_collection.objects.link(bpy.data.objects["Tree"])
+    size.source_kind = "ASSET"
+    assert "50% of their height is in the ground" in draw_all(400), "all that are placed are alike"
+    size.source_kind = "COLLECTION"
+    assert "Up to 50% of their height is in the ground" in draw_all(400)
+    size.source_kind = "OBJECT"
     scatter.classes[0].add_size()
     assert "Up to 50% of their height is in the ground" in draw_all(400)
 
