@@ -7,15 +7,14 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import bpy
-from mathutils import Matrix
 
 from ...engine.errors import EshError, ProblemError
 from ...engine.problem.validation import show
 from ..classes.stand_ins import stand_in
 from ..densities.density_curve import curve_node
 from ..targets.target import extent_of, members_of
-from . import forecast
 from .amount_ahead import area_of
+from .beside_others import fit_beside_others, free_share
 from .families import as_placed, heads_in
 from .selection import measure
 
@@ -23,14 +22,6 @@ __all__ = ["Added", "add_scatter_of_preset", "apply_preset", "preset_of", "selec
 
 # At most so many objects of a class: small ones that somebody has chosen could be without end.
 MOST = 20_000
-# What others cover leaves at least the rest of the ground: their objects may lie on each other.
-MOST_TAKEN = 0.9
-# Shapes that stand in for objects become smaller, step by step, until this share of the free ground has room for them.
-ENOUGH, STEP, SMALLEST = 0.5, 0.8, 0.15
-# Part of its room that a class asks for: others go there, too.
-SHARED = 0.9
-# Share of the free ground that all classes of a preset together can cover for sure.
-SURE = 0.45
 # Seconds and settings of one's own machine are no part of a preset.
 _NOT_OF_SCATTERS = {"name", "device", "class_index", "points_above", "cap"}
 _NOT_OF_CLASSES = {"name", "color", "mute", "show_viewport", "show_render", "size_index", "layer_index", "may_overlap"}
@@ -71,10 +62,10 @@ def add_scatter_of_preset(
     scatter = settings.add_scatter(ground)
     try:
         scatter.name = str(preset.get("name") or scatter.name)
-        free = max((1.0 - _share_taken(scatter)) * sum(map(area_of, scatter.targets)), 1e-6)
+        free = max(free_share(scatter) * sum(map(area_of, scatter.targets)), 1e-6)
         wanted = apply_preset(scatter, preset, free, chosen)
         if scatter.other_results():
-            _fit_beside_others(scatter, free, chosen)
+            fit_beside_others(scatter, free, chosen)
     except EshError:
         settings.scatters.remove(len(settings.scatters) - 1)
         settings.scatter_index = before
@@ -101,43 +92,6 @@ def selected_for_preset(
     scatters = (one for one in context.scene.esh_scatter.scatters if set(one.targets) & set(members))
     placed = {size.source for one in scatters for body_class in one.classes for size in body_class.sizes}
     return [item for item in as_placed(heads_in(context.selected_objects, members), members) if item not in placed]
-
-
-def _share_taken(scatter: Any) -> float:
-    """Return the share of the ground that others before a scatter cover, and that it makes room for."""
-    results = scatter.other_results()
-    others = (other for other in scatter.id_data.esh_scatter.scatters if other.result in results)
-    return min(sum(other.report["covered"] for other in others if other.report), MOST_TAKEN)
-
-
-def _fit_beside_others(scatter: Any, free: float, chosen: Sequence[bpy.types.Object | bpy.types.Collection]) -> None:
-    """Have the classes of a preset, which reckon with all ground that is free [m²], ask for what finds room between others.
-
-    Between trees there is room for gravel everywhere, and for boulders only where it is wide. Shapes that stand in for objects become
-    smaller where there is hardly any for them; objects that somebody has ``chosen`` do not.
-    """
-    from ...engine.problem.cover import Room
-
-    # Without room for one of the classes there would be no problem: where their middles may be is all that is asked here.
-    problem = forecast.problem_of(scatter, scatter.id_data, avoid_overlap=False)
-    if problem is None or not scatter.avoid_overlap:
-        return
-    between, asked = Room(problem), 0.0
-    for number, body_class in enumerate(scatter.ready_classes()):
-        # Room for the largest of them.
-        largest = 1.0 + body_class.scale_jitter
-        scale, room = 1.0, between.share(number, largest)
-        while room < ENOUGH and scale > SMALLEST and body_class.sizes[0].source not in chosen:
-            scale *= STEP
-            room = between.share(number, scale * largest)
-        if scale < 1.0:
-            for size in body_class.sizes:
-                size.source_object.data.transform(Matrix.Scale(scale, 4))
-        forecast.scale_counts([body_class], SHARED * room)
-        taken = sum((size.count or 0) * size.mean_area for size in problem.classes[number].sizes)
-        asked += SHARED * room * scale**2 * taken
-    if asked > SURE * free:
-        forecast.scale_counts_to_fit(scatter, scatter.id_data)
 
 
 def apply_preset(

@@ -16,6 +16,7 @@ from ...engine.errors import EshError
 from ...engine.problem.scatter_settings import ScatterSettings, TargetSettings
 from ...engine.problem.settings import settings_of
 from ..editing.amount_ahead import bodies_ahead, question
+from ..editing.beside_others import fit_beside_others, free_share
 from ..editing.forecast import scale_counts
 from ..properties.described import identifier_of, property_of, value_of
 from ..properties.scatter import ESH_PG_scatter
@@ -28,9 +29,11 @@ from ..targets.target import members_of
 from .edit import remove_at, settings_editable, stood_on, warn_of_metaballs
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ..api import ScatterResult
     from ..classes.survey import Survey
-    from ..editing.selection import SelectionSurvey
+    from ..editing.selection import Measured, SelectionSurvey
     from ..solving.running import Session
 
 __all__ = ["CLASSES", "ScatterObjects"]
@@ -335,8 +338,6 @@ class ScatterObjects(_Run):
         return SelectionSurvey(stood_on(context.view_layer.objects.active), self._sources(context), context, settings)
 
     def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
-        from ..editing.selection import add_classes, pleasant_counts
-
         found = getattr(self, "_found", None)
         if found is None:
             try:
@@ -360,18 +361,28 @@ class ScatterObjects(_Run):
             f'"{name}" is as large as the ground: to scatter on it as well, choose a collection of both as the target'
             for name in found.as_large(measured)
         )
-        ground = found.ground_for(measured)
-        areas = [one.taken for one in measured]
-        counts = pleasant_counts(areas, ground, self.cover, self.most)
-        wanted = sum(pleasant_counts(areas, ground, self.cover, sys.maxsize))
-        self._held = words.held(self.most, self.cover, wanted) if wanted > max(self.most, sum(counts)) else ""
         scatter = context.scene.esh_scatter.add_scatter(stood_on(context.view_layer.objects.active))
-        add_classes(scatter, measured, counts)
         for name in ("surface", "class_separation", "boundary", "seed"):
             setattr(scatter, name, getattr(self, name))
+        self._add_classes(scatter, measured, found.ground_for(measured))
         scatter.class_index = 0
         self._made = scatter.name
         return scatter
+
+    def _add_classes(self, scatter: ESH_PG_scatter, measured: "Sequence[Measured]", ground: float) -> None:
+        """Make a class of each of some objects, which together cover as much of the ground [m²] as is asked, or as fits there."""
+        from ..editing.selection import add_classes, pleasant_counts
+
+        free, areas = ground * free_share(scatter), [one.taken for one in measured]
+        counts = pleasant_counts(areas, free, self.cover, self.most)
+        wanted = sum(pleasant_counts(areas, free, self.cover, sys.maxsize))
+        self._held = words.held(self.most, self.cover, wanted) if wanted > max(self.most, sum(counts)) else ""
+        add_classes(scatter, measured, counts)
+        if scatter.other_results():
+            fit_beside_others(scatter, free, [one.item for one in measured])
+            left = sum(one.count for one in scatter.classes)
+            if left < sum(counts):
+                self._held = words.beside_others(left, sum(counts))
 
     def _undo(self, context: bpy.types.Context) -> None:
         settings = context.scene.esh_scatter

@@ -16,6 +16,7 @@ __all__ = [
     "NOTE_KINDS",
     "UNBROKEN",
     "behind_rule",
+    "beside_others",
     "cover",
     "evenness",
     "evenness_word",
@@ -154,6 +155,11 @@ def overlaps(report: dict[str, Any]) -> str:
 def held(most: int, share: float, wanted: int) -> str:
     """Return that a limit has held the number of objects: "Held at 2,000 by Max Objects: 25% cover would take 1,250,000"."""
     return f"Held at {most:,} by Max Objects: {100.0 * share:.3g}% cover would take {wanted:,}"
+
+
+def beside_others(left: int, wanted: int) -> str:
+    """Return that there are fewer objects because others stand on the ground: "Only 31 of 49 have room between the others there"."""
+    return f"Only {left:,} of {wanted:,} have room between the others there"
 
 
 def cover(found: Cover) -> str:

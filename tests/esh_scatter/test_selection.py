@@ -245,6 +245,22 @@ def test_that_most_has_held_the_number_is_told(ground, objects, capfd):
     assert "Held at" not in capfd.readouterr().out
 
 
+def test_a_selection_asks_for_what_fits_between_what_stands_there(ground, objects, capfd):
+    for item in (objects[0], objects[1], objects[0]):
+        select(item, ground, active=ground)
+        assert bpy.ops.esh.scatter_selection() == {"FINISHED"}
+        assert bpy.context.scene.esh_scatter.active.report["overlaps"] == 0
+    said = capfd.readouterr().out
+    counts = [sum(c.count for c in scatter.classes) for scatter in bpy.context.scene.esh_scatter.scatters]
+    assert counts[0] == pytest.approx(100, abs=1) and counts[2] < counts[0]
+    assert f"Only {counts[2]} of " in said and bpy.context.scene.esh_scatter.active.report["held"].startswith("Only ")
+    # On another ground there is all of it.
+    other = box("Other", 20.0, 20.0, 0.0)
+    select(objects[0], other, active=other)
+    bpy.ops.esh.scatter_selection()
+    assert bpy.context.scene.esh_scatter.active.classes[0].count == counts[0]
+
+
 def test_that_removed_settings_leave_what_they_have_placed_is_told(ground, objects, capfd):
     bpy.ops.esh.scatter_add()
     bpy.ops.esh.scatter_remove()
