@@ -166,6 +166,10 @@ class SelectionSurvey:
         """Return the names of objects that are as large as the ground, and do not stand upright: more ground, perhaps."""
         return [one.item.name for one in measured if not one.upright and one.area > AS_LARGE * self._seen]
 
+    def larger(self, measured: Sequence[Measured]) -> list[str]:
+        """Return the names of objects of which one covers more than all of the ground: that is another one, most likely."""
+        return [one.item.name for one in measured if one.area > self._seen]
+
     def measured(self) -> tuple[list[Measured], list[str], list[str]]:
         """Return what :func:`measure` does, of what is still there; and the names of those that are longer than the ground."""
         found, flat, long = [], [], []

@@ -357,6 +357,11 @@ class ScatterObjects(_Run):
             why = "fits on the ground" if long else "covers ground when seen from above"
             self.report({"ERROR"}, f"None of the objects {why}. Nothing was changed")
             return None
+        if larger := found.larger(measured):
+            ground = stood_on(context.view_layer.objects.active).name
+            text = f'"{larger[0]}" is larger than "{ground}", which is taken for the ground: select the ground last'
+            self.report({"ERROR"}, f"{text}. Nothing was changed")
+            return None
         self._hints = tuple(
             f'"{name}" is as large as the ground: to scatter on it as well, choose a collection of both as the target'
             for name in found.as_large(measured)

@@ -261,6 +261,15 @@ def test_a_selection_asks_for_what_fits_between_what_stands_there(ground, object
     assert bpy.context.scene.esh_scatter.active.classes[0].count == counts[0]
 
 
+def test_the_ground_that_was_not_selected_last_is_named(ground, objects):
+    select(*objects, ground, active=objects[0])
+    with pytest.raises(
+        RuntimeError, match='"Ground" is larger than "Tree", which is taken for the ground: select the ground last'
+    ):
+        bpy.ops.esh.scatter_selection()
+    assert not bpy.context.scene.esh_scatter.scatters and len(bpy.context.scene.objects) == 5
+
+
 def test_that_removed_settings_leave_what_they_have_placed_is_told(ground, objects, capfd):
     bpy.ops.esh.scatter_add()
     bpy.ops.esh.scatter_remove()
