@@ -357,16 +357,16 @@ class ScatterObjects(_Run):
             why = "fits on the ground" if long else "covers ground when seen from above"
             self.report({"ERROR"}, f"None of the objects {why}. Nothing was changed")
             return None
-        if larger := found.larger(measured):
-            ground = stood_on(context.view_layer.objects.active).name
-            text = f'"{larger[0]}" is larger than "{ground}", which is taken for the ground: select the ground last'
+        stands_on = stood_on(context.view_layer.objects.active)
+        if (larger := found.larger(measured)) and stands_on is not None:
+            text = f'"{larger[0]}" is larger than "{stands_on.name}", which is taken for the ground: select the ground last'
             self.report({"ERROR"}, f"{text}. Nothing was changed")
             return None
         self._hints = tuple(
             f'"{name}" is as large as the ground: to scatter on it as well, choose a collection of both as the target'
             for name in found.as_large(measured)
         )
-        scatter = context.scene.esh_scatter.add_scatter(stood_on(context.view_layer.objects.active))
+        scatter = context.scene.esh_scatter.add_scatter(stands_on)
         for name in ("surface", "class_separation", "boundary", "seed"):
             setattr(scatter, name, getattr(self, name))
         self._add_classes(scatter, measured, found.ground_for(measured))
