@@ -424,18 +424,20 @@ class Cascade:
         Where it differs, they are blurred by ``of_target`` of the variance of a mean charge.
         """
         launcher, points, charge = self.launcher, parts.points, parts.all_amounts(columns)
-        variance = None
+        variance, on_host = None, None
         if self._following is not None:
             homes = np.concatenate([taken(launcher, tile, self.home).numpy() for tile in parts.tile])
             variance = of_target * self._variances(points, launcher.array(homes, wp.int32)).numpy()
         # On a mesh that is finer than bodies can tell, many points count as one.
         apart = SOURCE_DISTANCE * self._length
         if len(points.position) * apart**2 > MANY_SOURCES * facets.area.sum():
-            points, charge, variance = self._fewer(points, charge, columns, apart, variance)
+            points, on_host, variance = self._fewer(points, charge, columns, apart, variance)
         count = len(points.position)
         if variance is not None:
             columns += 1
-            charge = launcher.array(np.concatenate([charge.numpy(), variance.astype(np.float32)]), float)
+            on_host = np.concatenate([charge.numpy() if on_host is None else on_host, variance.astype(np.float32)])
+        if on_host is not None:
+            charge = launcher.array(on_host, float)
         sources = kernels_cascade.Sources()
         sources.grid = grid_of(launcher, points.position, cutoff)
         # Kernels read beyond the ends: see LANES.
@@ -446,7 +448,7 @@ class Cascade:
 
     def _fewer(
         self, points: Points, charge: wp.array, columns: int, apart: float, variance: np.ndarray | None
-    ) -> tuple[Points, wp.array, np.ndarray | None]:
+    ) -> tuple[Points, np.ndarray, np.ndarray | None]:
         """Fewer points, so far apart, that have the charges of those near them, column after column, and lie in their middle.
 
         The variances of their blurs, where these differ, are means.
@@ -463,7 +465,7 @@ class Cascade:
         middle = np.stack([added(axis) / number for axis in points.position.numpy().astype(np.float64).T], axis=1)
         few.position.assign(middle.astype(np.float32))
         variance = None if variance is None else added(variance) / number
-        return few, launcher.array(summed.astype(np.float32), float), variance
+        return few, summed.astype(np.float32), variance
 
     def _shared_out(self, parts: _Parts, total: np.ndarray, uniform: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Share images out among the nodes, as charges are; and the area of the tiles that are full.

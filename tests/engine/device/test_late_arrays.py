@@ -52,9 +52,9 @@ def bytes_of(placement: esh.Placement) -> dict[str, bytes]:
     return said | {"report": repr(report).encode()}
 
 
-def on_sphere(*sizes: esh.Size, fixed: bool = False, **settings) -> esh.Problem:
+def on_sphere(*sizes: esh.Size, fixed: bool = False, subdivisions: int = 3, **settings) -> esh.Problem:
     """A few bodies on a sphere."""
-    mesh = trimesh.creation.icosphere(subdivisions=3)
+    mesh = trimesh.creation.icosphere(subdivisions=subdivisions)
     surface = esh.Surface([esh.SurfaceMesh(np.array(mesh.vertices), np.array(mesh.faces))])
     stay = [esh.FixedBodies([[0.0, 0.0, 1.0]], body_class="a")] if fixed else []
     return esh.Problem(
@@ -64,6 +64,7 @@ def on_sphere(*sizes: esh.Size, fixed: bool = False, **settings) -> esh.Problem:
 
 ON_SURFACES = {
     "dots": on_sphere(esh.Size("s", 0.01, 300), esh.Size("t", 0.02, 30), fixed=True),
+    "dots on a fine mesh": on_sphere(esh.Size("s", 0.01, 60), subdivisions=4),
     "a range": on_sphere(esh.Size("s", (0.005, 0.02), 300), avoid_overlap=True),
     "lines": on_sphere(esh.Size("s", 0.004, 200, line=esh.Line(0.2, "slope", width=0.02)), avoid_overlap=True),
     "outlines": on_sphere(
