@@ -46,7 +46,7 @@ class GpuMemory:
         return self._zeros.view(shape, dtype, size)
 
     def array(self, values: np.ndarray, dtype: type) -> wp.array | None:
-        """An array to be read, by kernels after the next :meth:`send`; None where it is too large for a block.
+        """An array for kernels to read, which has its values from the next :meth:`send` on; None where it is too large for a block.
 
         Args:
             values: Its values; of vectors, with an axis for their components.
@@ -67,7 +67,7 @@ class GpuMemory:
             self._sent, self._mirror = _Block(self._device, BLOCK), np.zeros(BLOCK, np.uint8)
             self._begin = self._end = 0
         begin = self._sent.end
-        view = self._sent.view(shape, dtype, size, self)
+        view = self._sent.view(shape, dtype, size)
         self._mirror[begin : begin + size].view(number).reshape(values.shape)[...] = values
         self._end = begin + size
         return view
@@ -81,18 +81,6 @@ class GpuMemory:
         # The driver has taken it out of memory that is not pinned when this returns.
         wp.copy(self._sent.memory, source, dest_offset=self._begin)
         self._begin = self._end = -(-self._end // ALIGNMENT) * ALIGNMENT
-
-
-class _Waiting(wp.array):
-    """An array whose values may still have to be sent: whoever reads them from the host has that done first."""
-
-    sender: GpuMemory
-
-    def numpy(self) -> np.ndarray:
-        """Return the values, as they were given."""
-        self.sender.send()
-        values: np.ndarray = super().numpy()
-        return values
 
 
 class _Block:
@@ -113,13 +101,10 @@ class _Block:
         """Bytes that are left."""
         return self._size - self.end
 
-    def view(self, shape: int | tuple[int, ...], dtype: type, size: int, sender: GpuMemory | None = None) -> wp.array:
-        """The next part, as an array; its values come from the ``sender``, if there is one."""
+    def view(self, shape: int | tuple[int, ...], dtype: type, size: int) -> wp.array:
+        """The next part, as an array."""
         assert self.memory is not None
-        kind = wp.array if sender is None else _Waiting
-        result = kind(ptr=self.memory.ptr + self.end, shape=shape, dtype=dtype, device=self._device)
-        if sender is not None:
-            result.sender = sender
+        result = wp.array(ptr=self.memory.ptr + self.end, shape=shape, dtype=dtype, device=self._device)
         # The memory must not go before the array does.
         result.block = self.memory
         self.end = -(-(self.end + size) // ALIGNMENT) * ALIGNMENT

@@ -174,8 +174,7 @@ class Launcher:
     def array(self, values: np.ndarray, dtype: type) -> wp.array:
         """An array for kernels to read: on the CPU ``values`` themselves where they are of that type, which nobody may change then.
 
-        A GPU has them from the next launch on, or from when they are read by ``numpy()``, so that nothing else may read or change the
-        array before that; see :meth:`own_array`.
+        A GPU has them from the next launch on, so that nothing else may read or change the array before that; see :meth:`own_array`.
         It fills one that NumPy made of a single value by ``broadcast_to`` itself.
         """
         if self._gpu_memory is not None:
