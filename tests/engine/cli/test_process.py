@@ -63,6 +63,20 @@ def start(*arguments: str, **options) -> subprocess.Popen:
     return subprocess.Popen([*COMMAND, *arguments], text=True, **options)
 
 
+def full_disk(limit: int) -> dict[str, object]:
+    """Options of :func:`start` for a process that can write so many bytes into a file.
+
+    The kernels' cache stays as it is: nothing is written into it. Nor is any module compiled, of which Python would keep a part, so
+    that nobody could import it any more.
+    """
+    import resource
+
+    return {
+        "preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+        "env": {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+    }
+
+
 def end_of(process: subprocess.Popen) -> tuple[int, str, str]:
     out, err = process.communicate(timeout=120)
     return process.returncode, out, err
@@ -292,15 +306,12 @@ with signals.on_signals((*signals.INTERRUPTING, *signals.ENDING), signals.end), 
 
 @pytest.mark.parametrize("limit", [0, 20_000])
 def test_a_full_disk_is_a_sentence_and_leaves_older_files(folder, limit):
-    import resource
-
     write(folder, 3000)
     before = files_of(folder)
     process = start(
         *SOLVE,
         *("--max-steps", "1"),
-        # The kernels' cache stays as it is: nothing is written into it.
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+        **full_disk(limit),
     )
     status, out, err = end_of(process)
     assert (status, out) == (2, "")
@@ -309,13 +320,11 @@ def test_a_full_disk_is_a_sentence_and_leaves_older_files(folder, limit):
 
 
 def test_an_archive_that_breaks_off_says_nothing_from_its_destructor(folder):
-    import resource
-
     write(folder, 3000)
     before = files_of(folder)
     process = start(
         *("solve", "forest.toml", "-o", "b.npz", "--device", "cpu", "--max-steps", "1"),
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, 30_000)),
+        **full_disk(30_000),
     )
     assert end_of(process) == (2, "", "esh-scatter: b.npz cannot be written: file too large\n")
     assert files_of(folder) == before
@@ -323,8 +332,6 @@ def test_an_archive_that_breaks_off_says_nothing_from_its_destructor(folder):
 
 @pytest.mark.parametrize("ending", sorted(WRITERS))
 def test_a_full_disk_is_a_sentence_whatever_the_format(folder, ending):
-    import resource
-
     if ending in FORMATS:
         pytest.importorskip(FORMATS[ending].library or "numpy")
     write(folder, 3000)
@@ -332,7 +339,7 @@ def test_a_full_disk_is_a_sentence_whatever_the_format(folder, ending):
     before = files_of(folder)
     process = start(
         *("solve", "forest.toml", "-o", f"b{ending}", "--device", "cpu", "--max-steps", "1"),
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (3_000, 3_000)),
+        **full_disk(3_000),
     )
     status, out, err = end_of(process)
     assert (status, out) == (2, "")
