@@ -32,6 +32,8 @@ FEWEST_PIXELS = 384
 MOST_PIXELS = 4096
 # Rows of an image that are looked at together.
 ROWS = 32
+# Images of distances that are kept of an obstacle: one problem asks for two, and other counts may ask for other numbers of pixels.
+MOST_KNOWN = 3
 # From this value on an obstacle's image is one.
 THRESHOLD = 0.5
 # A polygon is convex where it lacks no larger share of its hull.
@@ -601,7 +603,10 @@ def _from_image(obstacle: Obstacle, domain: Domain, shape: tuple[int, int], reac
         away = distance_to(mask, pixel, reach, domain.periodic, squares=True)
         # Within them nobody asks how far: half a pixel on their edge, more than that elsewhere.
         away[mask] = np.float32(-min(pixel))
+        known.pop(key, None)
         known[key] = reach, away
+        if len(known) > MOST_KNOWN:
+            known.pop(next(iter(known)))
     return known[key][1]
 
 

@@ -16,7 +16,7 @@ from .carried_over import CarriedOver
 from .kernels_edit import FEW, UNCHANGED
 from .model import Model
 from .surface_places import Spots, TilePlaces, middles_of_strata, spots_of_points, tiles_of, with_first_corner
-from .surface_spreading import is_broad, nearest_of, spread_on_surface
+from .surface_spreading import is_spread, nearest_of, spread_on_surface
 
 __all__ = ["carry_over_on_surface"]
 
@@ -144,7 +144,7 @@ class _SurfaceEdit:
     def _spread(self, share: np.ndarray, count: int) -> Spots:
         """So many places that are spread evenly over a share of every tile."""
         spots = self._places.draw(share, count)
-        return spread_on_surface(self._facets, share, spots) if count > 1 and is_broad(self._facets, share) else spots
+        return spread_on_surface(self._facets, share, spots) if is_spread(self._facets, share, count) else spots
 
     def _staying(self, pool: np.ndarray, wanted: np.ndarray, there: np.ndarray, seats: int) -> np.ndarray:
         """Return which of some bodies stay: each as likely as its tile is wanted, all spread evenly, and no more than there are seats.
@@ -188,7 +188,7 @@ class _SurfaceEdit:
         tile = self._tile_of_old[pool]
         may_be = np.flatnonzero(chance[tile] > 0.0)
         position = self._points.position[pool]
-        if not 1 < count < len(may_be) or not is_broad(self._facets, share):
+        if count >= len(may_be) or not is_spread(self._facets, share, count):
             return middles_of_strata(position, chance[tile], count)
         spots = spread_on_surface(self._facets, share, self._places.draw(share, count))
         place = self._facets.surface.points(*self._facets.in_triangle(*with_first_corner(spots))).position

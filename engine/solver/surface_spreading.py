@@ -17,7 +17,7 @@ from .surface_descent import SurfaceDescent
 from .surface_placement import points_of
 from .surface_places import Spots, spots_of_points, tiles_of, with_first_corner
 
-__all__ = ["is_broad", "nearest_of", "spread_on_surface"]
+__all__ = ["is_spread", "nearest_of", "spread_on_surface"]
 
 # Measured with a twentieth of a surface painted and counts as they were, by the coverage error at a spacing over that after 100 more
 # steps. A fifth of the density there: on a knotted tube with 1,000 bodies 5.6 without these steps and 1.6 with them, with 3,000 1.7
@@ -27,17 +27,19 @@ STEPS = 24
 BROAD = 0.5
 # Every triangle takes time, however few points are spread.
 MOST_TRIANGLES = 30_000
+# Many points are even enough without, and would take as long as all that follows.
+MOST_POINTS = 20_000
 # Share over the largest one for its area that a tile has at least: points may leave where there is no density.
 LEAST = 1e-7
 # So many bodies before and behind a point on the curve are looked at for the nearest one.
 AROUND = 100
 
 
-def is_broad(facets: Facets, share: np.ndarray) -> bool:
-    """Whether points are spread over a share of every tile, shape ``[tile_count]``, rather than taken from strata."""
+def is_spread(facets: Facets, share: np.ndarray, count: int) -> bool:
+    """Whether so many points are spread over a share of every tile, shape ``[tile_count]``, rather than taken from strata."""
     area = facets.tile_area
     some = (share > 0.0) & (area > 0.0)
-    if len(facets.surface.triangle) > MOST_TRIANGLES or not some.any():
+    if not 1 < count <= MOST_POINTS or len(facets.surface.triangle) > MOST_TRIANGLES or not some.any():
         return False
     # As large as what would hold as much at the mean density that its points see.
     used = float(share[some].sum()) ** 2 / float((share[some] ** 2 / area[some]).sum())

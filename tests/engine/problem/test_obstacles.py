@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from esh import BodyClass, Domain, Obstacle, Problem, ProblemError, Size
-from esh.engine.problem.obstacles import clearance, distance_to
+from esh.engine.problem.obstacles import MOST_KNOWN, _distances, clearance, distance_to
 
 DOMAIN = Domain((8.0, 6.0))
 SHAPE = (120, 160)
@@ -74,11 +74,13 @@ def test_distance_from_a_mask_is_that_of_all_pairs(shape, share, periodic):
 def test_what_is_known_of_an_image_is_as_if_it_were_asked_afresh():
     image = np.random.default_rng(1).random((30, 40)) < 0.02
     kept = Obstacle(image=image, margin=0.1)
-    for reach, shape in ((0.3, SHAPE), (0.9, SHAPE), (0.2, SHAPE), (0.5, (60, 80)), (0.9, SHAPE)):
+    others = [(0.5, (60 + n, 80)) for n in range(6)]
+    for reach, shape in ((0.3, SHAPE), (0.9, SHAPE), (0.2, SHAPE), *others, (0.9, SHAPE)):
         found = clearance([kept], DOMAIN, shape, reach)
         np.testing.assert_array_equal(found, clearance([Obstacle(image=image, margin=0.1)], DOMAIN, shape, reach))
         # Nobody who writes it changes what the next one gets.
         found[:] = -1.0
+    assert len(_distances[kept]) <= MOST_KNOWN
     periodic = Domain(DOMAIN.size, "periodic")
     found = clearance([kept], periodic, SHAPE, 0.9)
     np.testing.assert_array_equal(found, clearance([Obstacle(image=image, margin=0.1)], periodic, SHAPE, 0.9))
