@@ -124,9 +124,12 @@ class SurfaceDescent:
         surface = model.problem.domain
         assert isinstance(surface, Surface)
         self.facets = Facets(launcher, surface, model.unit, *joined_parts(launcher, surface, model.unit))
-        share = self._cut_by_detail() if shares is None else shares(self.facets)
+        if shares is None:
+            share = self._cut_by_detail()
         self.bodies = bodies_for_kernels(model, launcher)
         on_device = self.facets.for_kernels()
+        if shares is not None:
+            share = shares(self.facets)
         # Contact and lines go by what the surface is from near.
         self._from_afar = not keeps_apart(model) and not model.kinds and looks_other_from_afar(self.facets)
         if self._from_afar:

@@ -15,7 +15,7 @@ from ..surface.facets import Facets
 from .model import Model
 from .surface_descent import SurfaceDescent
 from .surface_placement import points_of
-from .surface_places import Spots, spots_of_points, tiles_of, with_first_corner
+from .surface_places import Spots, spots_near_points, tiles_of, with_first_corner
 
 __all__ = ["is_spread", "nearest_of", "spread_on_surface"]
 
@@ -54,7 +54,7 @@ def spread_on_surface(facets: Facets, share: np.ndarray, start: Spots) -> Spots:
         share: Of every tile, shape ``[tile_count]``; their sum is above 0.
         start: Where the points begin.
     """
-    surface, count = facets.surface, len(start[0])
+    launcher, surface, count = facets.launcher, facets.surface, len(start[0])
     model = Model(Problem(surface, [BodyClass("points", [Size("point", 1e-3 * surface.area / count, count)])]))
     some = np.flatnonzero(share)
     facet, weight = facets.tiles(np.arange(facets.count))
@@ -62,16 +62,20 @@ def spread_on_surface(facets: Facets, share: np.ndarray, start: Spots) -> Spots:
     begin = surface.points(*facets.in_triangle(*with_first_corner(start)))
 
     def shares(coarse: Facets) -> np.ndarray:
-        found = np.bincount(tiles_of(coarse, *spots_of_points(coarse, middles)), share[some], coarse.tile_count)
+        tile = tiles_of(coarse, *spots_near_points(launcher, coarse, middles))
+        found = np.bincount(tile, share[some], coarse.tile_count)
         area = np.maximum(coarse.tile_area, 1e-300)
         found = np.maximum(found, LEAST * float((found / area).max()) * area)
         return np.asarray(found / found.sum())[None]
 
-    descent = SurfaceDescent(model, facets.launcher, lambda new: new.put_some(np.arange(count), begin), shares=shares)
+    def put(new: SurfaceDescent) -> None:
+        new.put_at(spots_near_points(launcher, new.facets, begin), None, None)
+
+    descent = SurfaceDescent(model, launcher, put, shares=shares)
     descent.step.play(STEPS)
-    points = points_of(facets.launcher, descent.facets, descent.state)
-    facets.launcher.release(descent.step)
-    return spots_of_points(facets, points)
+    points = points_of(launcher, descent.facets, descent.state)
+    launcher.release(descent.step)
+    return spots_near_points(launcher, facets, points)
 
 
 def nearest_of(place: np.ndarray, tile: np.ndarray, body: np.ndarray, body_tile: np.ndarray) -> np.ndarray:
