@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -121,11 +121,9 @@ def cover_of_images(problem: Problem, images: Sequence[np.ndarray], of_class: np
     """
     apart, domain = _apart(problem), problem.rectangle
     shape = _cells(domain, float(of_class.sum()) / problem.body_count)
-    # Classes may share an image.
-    distinct = {id(image): image for image in images}
-    share_of = {key: in_cells(image, shape) for key, image in distinct.items()}
+    share_of = {key: in_cells(image, shape) for key, image in _distinct(images).items()}
     shares = [share_of[id(image)] for image in images]
-    free = np.clip(_where_any(distinct.values(), shape), 0.0, 1.0)
+    free = np.clip(_where_any(images, shape), 0.0, 1.0)
     cell = domain.area / (shape[0] * shape[1])
     of_cells = [total * share / share.sum() for total, share in zip(of_class, shares, strict=True)]
     asked = np.max(np.tensordot(apart, np.stack(of_cells), axes=1), axis=0)
@@ -141,9 +139,14 @@ def _apart(problem: Problem) -> np.ndarray:
     return np.ones((number, number)) if kept is None else kept.astype(np.float64)
 
 
-def _where_any(images: Iterable[np.ndarray], shape: tuple[int, int]) -> np.ndarray:
-    """Share of every cell of a grid in which the one of some images is above 0 that is so in most of it."""
-    result: np.ndarray = np.max([in_cells(image > 0.0, shape) for image in images], axis=0)
+def _distinct(images: Sequence[np.ndarray]) -> dict[int, np.ndarray]:
+    """Images by their identity: classes may share one, which is looked at once."""
+    return {id(image): image for image in images}
+
+
+def _where_any(images: Sequence[np.ndarray], shape: tuple[int, int]) -> np.ndarray:
+    """Of every cell of a grid, the largest share in which one of the images is above 0."""
+    result: np.ndarray = np.max([in_cells(image > 0.0, shape) for image in _distinct(images).values()], axis=0)
     return result
 
 
@@ -156,7 +159,7 @@ def _share_beside_obstacles(problem: Problem, domain: Domain, mean_area: float) 
         return 1.0
     radius = float(disc_radius(mean_area))
     shape = _pixels(domain, radius)
-    free = _where_any({id(c.density_image): c.density_image for c in problem.classes}.values(), shape)
+    free = _where_any([c.density_image for c in problem.classes], shape)
     beside = clearance(problem.obstacles, domain, shape, 0.5 * radius) < 0.5 * radius
     return float(free[~beside].sum() / max(float(free.sum()), 1e-300))
 
