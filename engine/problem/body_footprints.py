@@ -24,6 +24,8 @@ __all__ = ["CAPSULE", "DISC", "BodyFootprints", "footprints_of"]
 CAPSULE = -1
 # The first of all shapes, that of bodies without an outline of their own, is a disc of radius 1.
 DISC = 0
+# Means over its cells say what slopes leave of areas.
+GRID = (CELLS, CELLS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +166,7 @@ def _footprints(problem: Problem) -> BodyFootprints:
     turn = np.zeros(n)
     free, is_outline = np.zeros(n, bool), np.zeros(n, bool)
     slopes: list[np.ndarray] = []
+    share_seen: list[np.ndarray] = []
     slope, most_tilt, seen = np.full(n, -1, np.int32), np.zeros(n), np.ones(n)
     area = problem.body_areas()
     begin = 0
@@ -199,9 +202,12 @@ def _footprints(problem: Problem) -> BodyFootprints:
         is_outline[own] = True
         if given.slope is not None:
             known = [k for k, image in enumerate(slopes) if image is given.slope]
-            slope[own] = known[0] if known else len(slopes)
+            which = slope[own] = known[0] if known else len(slopes)
             slopes += [] if known else [given.slope]
-            seen[own] = _seen(given.slope, body_class.density_image)
+            share_seen += [] if known else [in_cells(level_share(given.slope), GRID)]
+            # Mean of what slopes leave of areas as they are seen from above, where a density is.
+            weight = in_cells(body_class.density_image, GRID)
+            seen[own] = np.average(share_seen[which], weights=weight)
         most_tilt[own] = given.tilt
         seen[own] *= mean_cosine(given.tilt)
     return BodyFootprints(
@@ -245,10 +251,3 @@ def _discs_and_capsules(problem: Problem, counts: list[int]) -> BodyFootprints:
         of_all(0.0, n),
         once,
     )
-
-
-def _seen(slope: np.ndarray, density: np.ndarray) -> float:
-    """Mean of what slopes leave of areas as they are seen from above, where a density is."""
-    shape = (CELLS, CELLS)
-    weight = in_cells(density, shape)
-    return float(np.average(in_cells(level_share(slope), shape), weights=weight))

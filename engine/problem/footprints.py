@@ -105,13 +105,16 @@ def _check_turn(value: object, key: str) -> str | float | np.ndarray:
 def _check_slope(value: object, key: str) -> np.ndarray:
     accepted = f"an image of slopes, shape [rows, columns, 2], of at most {STEEPEST:g} meters per meter"
     try:
-        slope = None if isinstance(value, (str, bytes)) else np.array(value)
+        slope = None if isinstance(value, (str, bytes)) else np.asarray(value)
     except FOREIGN_ERRORS:
         slope = None
     if slope is None or slope.ndim != 3 or slope.shape[2] != 2 or not slope.size or slope.dtype.kind not in "uif":
         raise ProblemError(f"{key} must be {accepted}; got {show(value)}")
-    slope = slope.astype(np.float32)
-    if not (np.abs(slope) <= STEEPEST).all():
+    if slope.dtype != np.float32 or slope.flags.writeable or slope.base is not None:
+        # Nobody changes it; what is kept already stays one image for all sizes.
+        slope = slope.astype(np.float32)
+    # NaN is neither.
+    if not (slope.min() >= -STEEPEST and slope.max() <= STEEPEST):
         raise ProblemError(f"{key} must be {accepted}; it holds {float(np.abs(slope).max()):g}")
     return _kept(slope)
 

@@ -122,7 +122,7 @@ class PlaneSeparation(Separation):
         slopes.start = whole(np.cumsum([0, *(len(image) for image in pixels[:-1])]))
         slopes.rows = whole([image.shape[0] for image in footprints.slopes])
         slopes.columns = whole([image.shape[1] for image in footprints.slopes])
-        slopes.pixel = wp.array(np.concatenate([np.zeros((0, 2)), *pixels]), dtype=wp.vec2, device=device)
+        slopes.pixel = wp.array(np.concatenate([np.zeros((0, 2), np.float32), *pixels]), dtype=wp.vec2, device=device)
         slopes.tilt = wp.zeros(0, dtype=wp.vec3, device=device)
         if tilt is not None:
             angle, direction = tilt[order].T

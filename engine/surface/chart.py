@@ -129,7 +129,8 @@ class Chart:
         rows, columns = self.shape
         there = np.zeros((rows + 2, columns + 2), bool)
         there[1:-1, 1:-1].flat[self._filled] = True
-        inner = np.all([there[i : rows + i, j : columns + j] for i in range(3) for j in range(3)], axis=0)
+        inner = there[:-2] & there[1:-1] & there[2:]
+        inner = inner[:, :-2] & inner[:, 1:-1] & inner[:, 2:]
         edge = self._filled[~inner.ravel()[self._filled]]
         if not len(edge):
             return edge
@@ -148,9 +149,11 @@ class Chart:
         if not align > 0.0:
             return None
         if align not in self._slopes:
-            slope = slope_of_normal(self.points.normal, align)
-            slope = np.stack([self.continued(along) for along in slope.T], axis=-1)
-            self._slopes[align] = slope if np.abs(slope).max() > LEVEL else None
+            slope = np.empty((*self.shape, 2), np.float32)
+            for axis, values in enumerate(slope_of_normal(self.points.normal, align).T):
+                slope[..., axis] = self.continued(values)
+            slope.setflags(write=False)
+            self._slopes[align] = slope if max(slope.max(), -slope.min()) > LEVEL else None
         return self._slopes[align]
 
     def continued(self, values: np.ndarray) -> np.ndarray:
@@ -158,6 +161,8 @@ class Chart:
 
         Beside the surface they go on smoothly, so that its border is no edge to sharpen or to follow.
         """
+        if len(self._filled) == self.area.size:
+            return values.astype(np.float32).reshape(self.shape)
         image, known = np.zeros(self.shape, np.float32), np.zeros(self.shape, np.float32)
         image.ravel()[self._filled], known.ravel()[self._filled] = values, 1.0
         return _fill_gaps(image, known)

@@ -122,9 +122,11 @@ class DensityReader:
             values = density.values(self, key)
         else:
             assert not isinstance(density, bpy.types.Image)
-            values = sample_image(
-                check_density(density, key, empty=True), self.points.rectangle_coordinates, repeat=False
-            )
+            image = check_density(density, key, empty=True)
+            if image.size == 1:
+                values = np.full(len(self.points.triangle), image.item(), np.float32)
+            else:
+                values = sample_image(image, self.points.rectangle_coordinates, repeat=False)
         values = np.asarray(values, np.float32)
         if not np.isfinite(values).all():
             raise ProblemError(
