@@ -78,9 +78,26 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    """Let no other test run beside one that is marked ``alone``, whatever the number of processes."""
-    with _turn(alone=item.get_closest_marker("alone") is not None):
+    """Let no other test run beside one that is marked ``alone``, whatever the number of processes; the others have a thread each."""
+    alone = item.get_closest_marker("alone") is not None
+    with _turn(alone), contextlib.nullcontext() if alone else _one_thread():
         return (yield)
+
+
+@contextlib.contextmanager
+def _one_thread() -> Iterator[None]:
+    """Compute with one thread where tests run in several processes: more would wait for each other, a sixth of all time.
+
+    Tests of threads ask for more, and all tests of kernels run with more again where ``ESH_THREADS`` is given.
+    """
+    if "PYTEST_XDIST_WORKER" not in os.environ or "ESH_THREADS" in os.environ:
+        yield
+        return
+    os.environ["ESH_THREADS"] = "1"
+    try:
+        yield
+    finally:
+        os.environ.pop("ESH_THREADS", None)
 
 
 @contextlib.contextmanager

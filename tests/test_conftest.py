@@ -1,5 +1,6 @@
-"""Tests run in several processes; one that is marked ``alone`` has the machine to itself meanwhile."""
+"""Tests run in several processes with a thread each; one that is marked ``alone`` has the machine to itself meanwhile."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -11,6 +12,7 @@ pytest.importorskip("xdist")
 pytest.importorskip("fcntl")
 
 ALONE = """
+import os
 import time
 from pathlib import Path
 import pytest
@@ -18,17 +20,20 @@ import pytest
 @pytest.mark.alone
 @pytest.mark.parametrize("number", range(3))
 def test_alone(number):
+    assert "ESH_THREADS" not in os.environ
     start = time.time()
     time.sleep(0.2)
     with open({times!r}, "a") as file:
         file.write(f"alone {{start}} {{time.time()}}\\n")
 """
 OTHERS = """
+import os
 import time
 import pytest
 
 @pytest.mark.parametrize("number", range(40))
 def test_other(number):
+    assert os.environ["ESH_THREADS"] == "1"
     start = time.time()
     time.sleep(0.03)
     with open({times!r}, "a") as file:
@@ -43,7 +48,8 @@ def test_nothing_runs_beside_a_test_that_is_alone(tmp_path):
     for name, source in (("alone", ALONE), ("others", OTHERS), ("more", OTHERS)):
         (tmp_path / f"test_{name}.py").write_text(source.format(times=str(times)), encoding="utf-8")
     command = [sys.executable, "-m", "pytest", "-q", "--numprocesses", "3", "--dist", "loadfile", tmp_path]
-    outcome = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    environment = {name: value for name, value in os.environ.items() if name != "ESH_THREADS"}
+    outcome = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment)
     assert outcome.returncode == 0, outcome.stdout
     lines = [line.split() for line in times.read_text(encoding="utf-8").splitlines()]
     spans = [(kind, float(start), float(end)) for kind, start, end in lines]
