@@ -12,8 +12,8 @@ from ..errors import InputFileError, ProblemError
 from ..problem.surface import SurfaceMesh
 from .gltf_meshes import with_materials
 from .input_file import check_is_file
-from .obj_polygons import without_concave_polygons
 from .ply_meshes import color_shares, read_ply_mesh
+from .text_polygons import obj_without_concave_polygons, off_without_concave_polygons
 
 __all__ = ["ACCEPTED", "read_meshes"]
 
@@ -69,7 +69,8 @@ def _scene_of(path: Path) -> Any:
 
     kind = path.suffix.lower().lstrip(".")
     changed: io.IOBase | None = None
-    if kind == "obj" and (text := without_concave_polygons(path.read_text(errors="replace"))) is not None:
+    without_concave = {"obj": obj_without_concave_polygons, "off": off_without_concave_polygons}.get(kind)
+    if without_concave is not None and (text := without_concave(path.read_text(errors="replace"))) is not None:
         changed = io.StringIO(text)
     if kind in ("glb", "gltf") and (content := with_materials(path.read_bytes())) is not None:
         changed = io.BytesIO(content)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-__all__ = ["are_concave", "ears", "outlines_of", "triangles_of"]
+__all__ = ["are_concave", "cut_concave", "ears", "outlines_of", "triangles_of"]
 
 # Corners of a polygon on which the outline turns back by less than this share of a right angle lie on a straight side.
 STRAIGHT = 1e-9
@@ -31,6 +31,28 @@ def triangles_of(index: np.ndarray, vertices: np.ndarray) -> np.ndarray:
         for place in np.flatnonzero(are_concave(outlines)).tolist():
             result[place] = list(ears(outlines[place]))
     return result
+
+
+def cut_concave(index: Sequence[Sequence[int]], vertices: np.ndarray) -> dict[int, list[tuple[int, int, int]]]:
+    """Cut those of some polygons that are concave.
+
+    Args:
+        index: Vertices of the corners of each, as many as it has.
+        vertices: Shape ``[v, 3]``.
+
+    Returns:
+        Which of its corners the triangles of a concave polygon have, by its number.
+    """
+    of_count: dict[int, list[int]] = {}
+    for number, corners in enumerate(index):
+        if len(corners) > 3:
+            of_count.setdefault(len(corners), []).append(number)
+    cut = {}
+    for own in of_count.values():
+        outlines = outlines_of(np.array([index[number] for number in own]), vertices)
+        for place in np.flatnonzero(are_concave(outlines)).tolist():
+            cut[own[place]] = list(ears(outlines[place]))
+    return cut
 
 
 def outlines_of(index: np.ndarray, vertices: np.ndarray) -> np.ndarray:
