@@ -1,8 +1,9 @@
 """Coverage error on a surface: charges and target, smoothed by the heat kernel, compared.
 
 The surface is cut into even triangles of about half a spacing, on which heat spreads by linear finite elements with the cotangent
-Laplacian. Where some are slivers, sides are halved instead, and those within a triangle of the surface turned. In time it is exact:
-exp(-t L) is expanded in Chebyshev polynomials of L. Nothing of this is known to the solver.
+Laplacian. Where some are slivers, sides are halved instead, and turned, also across the edges of the surface, where it bends but is as
+flat along itself as elsewhere. In time it is exact: exp(-t L) is expanded in Chebyshev polynomials of L. Nothing of this is known to the
+solver.
 
 **Limitations**: Meshes that touch without sharing corners are measured as if they ended there.
 """
@@ -21,8 +22,7 @@ from ..problem.sides import Sides
 from ..problem.surface import PointsOnSurface, Surface
 from ..space.cell_sort import CellSort
 from . import kernels_heat
-from .flips import cotangents
-from .split_triangles import halve_triangles, split_triangles
+from .split_triangles import even_triangles, split_triangles
 from .summaries import largest_by_kind, sum_of_squares
 
 __all__ = ["HeatMesh"]
@@ -81,16 +81,16 @@ class HeatMesh:
         self._triangles = split_triangles(surface, LONGER * max(typical, finest), small)
         cuts = max(1, min(math.ceil(typical / finest), int(math.sqrt(small / len(self._triangles)))))
         most_slowed = MOST_SLOWED
-        if cuts > 1 and self._triangles.beside_slivers(SLIVER, self.spacing) > FEW_SLIVERS:
-            # Even parts of a sliver lie in rows along it, so fine that heat is slowed across each; together they are a wall.
-            halved = halve_triangles(surface, finest, small)
-            if halved is not None:
-                self._triangles, cuts, most_slowed = halved.delaunay(), 1, MOST_SLOWED_OF_SLIVERS
+        if small == FEWEST and self._triangles.beside_slivers(SLIVER, self.spacing) > FEW_SLIVERS:
+            # Even parts of a sliver lie in rows along it, so fine that heat is slowed across each; together they are a wall. Where
+            # more triangles are needed they are left, as others take too long.
+            self._triangles, cuts = even_triangles(surface, finest, small), 1
+            most_slowed = MOST_SLOWED_OF_SLIVERS
         triangles = len(self._triangles)
         self._steps, self._pattern = _cut_evenly(cuts)
         self._cut, self._count = _vertices_of(launcher, self._triangles.sides, self._steps, self._pattern)
         n, corners = self._count, triangles * self._pattern.size
-        stiffness = self._stiffness(self._triangles.corner, corners)
+        stiffness = self._stiffness(corners)
         self._area, self._root, rate, bound = (launcher.empty(n, wp.float64) for _ in range(4))
         inputs = [self._cut, stiffness]
         launcher.launch(
@@ -132,11 +132,11 @@ class HeatMesh:
         needed = values[order[min(int(np.searchsorted(share, most_slowed)), len(order) - 1)]]
         return float(np.clip(0.25 * needed, slowest, shortest))
 
-    def _stiffness(self, corner: np.ndarray, corners: int) -> kernels_heat.Stiffness:
+    def _stiffness(self, corners: int) -> kernels_heat.Stiffness:
         """The Laplacian of so many corners of small triangles as kernels take it."""
         launcher = self._launcher
         stiffness = kernels_heat.Stiffness()
-        stiffness.cotangent = launcher.array(0.5 * cotangents(corner), wp.vec3d)
+        stiffness.cotangent = launcher.array(0.5 * self._triangles.cotangents, wp.vec3d)
         stiffness.area = launcher.array(self._triangles.area / len(self._pattern) / 3.0, wp.float64)
         sort = CellSort(launcher, corners, self._count)
         sort.sort(kernels_heat.find_vertices, [self._cut])
@@ -210,7 +210,7 @@ class HeatMesh:
         face = self._cut.vertex.numpy().reshape(len(area), -1)[:, self._pattern]
         stands = np.zeros(len(area), bool)
         if standing is not None:
-            stands = np.isin(self._triangles.origin, standing)
+            stands = self._triangles.reach_into(standing)
         at_once = max(1, POINTS_AT_ONCE // len(weight))
         left = []
         for first in range(0, len(triangle), at_once):

@@ -1,17 +1,17 @@
-"""Triangles of a surface, split across their long sides until none of these is longer than asked for: slivers become short."""
+"""Triangles of a surface, split until no side of them is longer than asked for: slivers become short, or are turned into others."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from ..problem.sides import Sides, sides_of
 from ..problem.surface import Surface
-from .flips import Flips, find_flips
+from .flips import Flips, cotangents, find_flips, laid_flat
 
-__all__ = ["SplitTriangles", "halve_triangles", "split_triangles"]
+__all__ = ["SplitTriangles", "even_triangles", "split_triangles"]
 
 # The three ways to halve sides of a triangle, for one side, two and three: corners of the parts. 0 to 2 are the corners of the whole,
 # 3 to 5 the middles of the sides opposite of them. Of one the side is opposite of corner 0, of two the others are halved.
@@ -43,6 +43,14 @@ class _Pass(NamedTuple):
         """What every part is a part of."""
         return np.repeat(np.arange(len(self.number)), self.number)
 
+    def handed_on(self, values: np.ndarray) -> np.ndarray:
+        """What parts have of their wholes."""
+        return values[self.parent]
+
+    def back(self, triangle: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Wholes that points lie in, and weights of their corners, of points given by the parts."""
+        return self.parent[triangle], np.einsum("nk,nkd->nd", weight, self.weight[triangle])
+
     def locate(self, triangle: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Parts that points lie in, and weights of their corners, of points given by the wholes."""
         apex, count, rows = self.apex[triangle], self.number[triangle], np.arange(len(triangle))
@@ -63,54 +71,60 @@ class _Pass(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SplitTriangles:
-    """Triangles of a surface, and what they are parts of.
+    """Triangles of a surface that are split, and whose sides are turned.
 
     Attributes:
-        corner: Their corners [m], shape ``[t, 3, 3]``.
+        flat: Their corners, each in a plane of its own [m], counter-clockwise, shape ``[t, 3, 2]``.
         area: Their areas [m²], shape ``[t]``.
         sides: Their sides.
-        origin: The surface's triangle that each is a part of, shape ``[t]``.
-        weight: Weights of the corners of that at their corners, shape ``[t, 3, 3]``.
     """
 
-    corner: np.ndarray
+    flat: np.ndarray
     area: np.ndarray
     sides: Sides
-    origin: np.ndarray
-    weight: np.ndarray
-    _passes: tuple[_Pass, ...] = field(default=(), repr=False)
-    _flips: tuple[Flips, ...] = field(default=(), repr=False)
+    _wholes: int = field(repr=False)
+    _steps: tuple[_Pass | Flips, ...] = field(default=(), repr=False)
 
     def __len__(self) -> int:
-        return len(self.origin)
+        return len(self.area)
 
     @property
     def is_whole(self) -> bool:
-        """Whether nothing was split."""
-        return not self._passes
+        """Whether nothing was split or turned."""
+        return not self._steps
+
+    @property
+    def cotangents(self) -> np.ndarray:
+        """Of the angles at their corners, shape ``[t, 3]``."""
+        return cotangents(self.flat)
 
     def points(self, triangle: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return triangles of the surface, and weights of their corners, of points given by triangles here and weights of theirs."""
-        if self.is_whole:
-            return triangle, weight
-        return self.origin[triangle], np.einsum("nk,nkd->nd", weight, self.weight[triangle])
+        for step in reversed(self._steps):
+            triangle, weight = step.back(triangle, weight)
+        return triangle, weight
 
     def locate(self, triangle: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the same the other way round."""
-        of_surface = weight
-        for one in self._passes:
-            triangle, weight = one.locate(triangle, weight)
-        if not self._flips:
-            return triangle, weight
-        for flips in self._flips:
-            triangle = flips.locate(triangle, of_surface)
-        return triangle, _inside(np.einsum("nk,nkd->nd", of_surface, np.linalg.inv(self.weight[triangle])))
+        for step in self._steps:
+            triangle, weight = step.locate(triangle, weight)
+        return triangle, weight
+
+    def reach_into(self, wholes: np.ndarray) -> np.ndarray:
+        """Which of them have a part of some triangles of the surface, given by their numbers, or may have; shape ``[t]``."""
+        reach = np.isin(np.arange(self._wholes), wholes)
+        for step in self._steps:
+            reach = step.handed_on(reach)
+        return reach
 
     def delaunay(self) -> SplitTriangles:
-        """The same vertices, with the best triangles between them within every triangle of the surface."""
-        flips, corner, weight, vertex = find_flips(self.corner, self.weight, _vertices(self.sides), self.origin)
-        area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
-        return replace(self, corner=corner, weight=weight, area=area, sides=sides_of(vertex), _flips=tuple(flips))
+        """The same vertices, with the best triangles between them."""
+        flips, flat, vertex = find_flips(self.flat, self.sides)
+        if not flips:
+            return self
+        (first, second), (third, fourth) = ((flat[:, k] - flat[:, 0]).T for k in (1, 2))
+        area = 0.5 * np.abs(first * fourth - second * third)
+        return SplitTriangles(flat, area, sides_of(vertex), self._wholes, (*self._steps, *flips))
 
     def beside_slivers(self, lowest: float, width: float) -> float:
         """Share of the area that lies within a width [m] of slivers, about: triangles as low as this over the longest side.
@@ -124,10 +138,9 @@ class SplitTriangles:
 
     def _after(self, one: _Pass, vertex: np.ndarray) -> SplitTriangles:
         """What a pass makes of them; ``vertex`` are those of its parts."""
-        weight = np.einsum("tkc,tcd->tkd", one.weight, self.weight[one.parent])
-        corner = np.einsum("tkc,tcd->tkd", one.weight, self.corner[one.parent])
+        flat = np.einsum("tkc,tcd->tkd", one.weight, self.flat[one.parent])
         area = self.area[one.parent] * np.abs(np.linalg.det(one.weight))
-        return SplitTriangles(corner, area, sides_of(vertex), self.origin[one.parent], weight, (*self._passes, one))
+        return SplitTriangles(flat, area, sides_of(vertex), self._wholes, (*self._steps, one))
 
 
 def split_triangles(surface: Surface, longest: float, most: int) -> SplitTriangles:
@@ -165,37 +178,32 @@ def split_triangles(surface: Surface, longest: float, most: int) -> SplitTriangl
     return result if of_sides.max() == 1 else result._after(*_across(parts, result.sides))
 
 
-def halve_triangles(surface: Surface, longest: float, most: int) -> SplitTriangles | None:
-    """Halve every side until none is longer than asked for; arguments are those of :func:`split_triangles`.
+def even_triangles(surface: Surface, longest: float, most: int) -> SplitTriangles:
+    """Make triangles nearly as long as they are wide, whatever those of the surface are like, with no side longer than asked for.
 
-    Slivers become shorter ones, none of which is cut along its length for being large all around. There are more triangles than that
-    function makes, as it cuts slivers once.
-
-    Returns:
-        None where there would be too many.
+    The longest sides of triangles are halved, and sides turned, by turns. Arguments are those of :func:`split_triangles`.
     """
     result = _whole(surface)
     while True:
+        length, number = _lengths(result), result.sides.number.reshape(-1, 3)
+        at, rows = length.argmax(axis=1), np.arange(len(length))
         is_halved = np.zeros(len(result.sides.count), bool)
-        is_halved[result.sides.number[_lengths(result).ravel() > longest]] = True
-        halved = is_halved[result.sides.number].reshape(-1, 3)
-        if not halved.any():
+        is_halved[number[rows, at][length[rows, at] > longest]] = True
+        halved = is_halved[number]
+        if not halved.any() or len(result) + int(halved.sum()) > most:
             return result
-        if len(result) + int(halved.sum()) > most:
-            return None
-        result = result._after(*_in_halves(halved, result.sides, is_halved))
+        result = result._after(*_in_halves(halved, result.sides, is_halved)).delaunay()
 
 
 def _whole(surface: Surface) -> SplitTriangles:
     """The triangles of a surface as they are."""
     corner = surface.position[surface.triangle]
-    weight = np.broadcast_to(np.eye(3), corner.shape)
-    return SplitTriangles(corner, surface.triangle_area, surface.sides, np.arange(len(corner)), weight)
+    return SplitTriangles(laid_flat(corner), surface.triangle_area, surface.sides, len(corner))
 
 
 def _lengths(triangles: SplitTriangles) -> np.ndarray:
     """Lengths of sides [m], shape ``[t, 3]``."""
-    side = np.roll(triangles.corner, -2, axis=1) - np.roll(triangles.corner, -1, axis=1)
+    side = np.roll(triangles.flat, -2, axis=1) - np.roll(triangles.flat, -1, axis=1)
     return np.sqrt(np.einsum("tkd,tkd->tk", side, side))
 
 
