@@ -1,9 +1,8 @@
 """Coverage error on a surface: charges and target, smoothed by the heat kernel, compared.
 
 The surface is cut into even triangles of about half a spacing, on which heat spreads by linear finite elements with the cotangent
-Laplacian. Where some are slivers, sides are halved instead, and turned, also across the edges of the surface, where it bends but is as
-flat along itself as elsewhere. In time it is exact: exp(-t L) is expanded in Chebyshev polynomials of L. Nothing of this is known to the
-solver.
+Laplacian. Where some are slivers, sides are halved instead, and turned, also across the edges of the surface. In time it is exact:
+exp(-t L) is expanded in Chebyshev polynomials of L. Nothing of this is known to the solver.
 
 **Limitations**: Meshes that touch without sharing corners are measured as if they ended there.
 """
