@@ -24,6 +24,7 @@ _SOCKETS = {
     "ROTATION": "NodeSocketRotation",
     "MATRIX": "NodeSocketMatrix",
     "GEOMETRY": "NodeSocketGeometry",
+    "OBJECT": "NodeSocketObject",
 }
 # And those that take a value of Python; truth values are whole numbers there, too.
 _VALUES = ((bool, "NodeSocketBool"), (int, "NodeSocketInt"), (float, "NodeSocketFloat"), (tuple, "NodeSocketVector"))

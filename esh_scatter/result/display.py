@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import bpy
 import numpy as np
 
 from ..targets.target import RESULT_TAG
-from .node_group import DISPLAYS, followed_targets, placed_objects, undoes_own_transform
+from .node_group import DISPLAYS, Followed, followed_in, placed_objects, target_inputs, undoes_own_transform
 
 __all__ = [
     "begin_with_points",
+    "follow",
+    "followed_targets",
     "get_inputs",
     "input_property",
     "is_in_world",
@@ -62,8 +64,28 @@ def is_in_world(item: bpy.types.Object) -> bool:
     modifier = our_modifier(item)
     if modifier is None or not undoes_own_transform(modifier.node_group):
         return False
-    there = any(one.target is not None for one in followed_targets(modifier.node_group))
+    there = any(one.target is not None for one in followed_targets(modifier))
     return there and bool(get_inputs(modifier).get("Follow", True))
+
+
+def followed_targets(modifier: bpy.types.Modifier) -> list[Followed]:
+    """Return what the points of a result follow, in the order of ``esh_target``; targets may be gone."""
+    found = followed_in(modifier.node_group)
+    chosen = get_inputs(modifier)
+    names = target_inputs(len(found))
+    return [
+        told if told.target is not None else told._replace(target=chosen.get(name))
+        for told, name in zip(found, names, strict=True)
+    ]
+
+
+def follow(modifier: bpy.types.Modifier, followed: Sequence[Followed]) -> None:
+    """Have the points of a result follow these targets."""
+    wanted = dict(zip(target_inputs(len(followed)), (one.target for one in followed), strict=True))
+    there = get_inputs(modifier)
+    # What is set is looked at anew by all that depends on it.
+    if any(there.get(name) != target for name, target in wanted.items()):
+        set_inputs(modifier, wanted)
 
 
 def get_inputs(modifier: bpy.types.Modifier) -> dict[str, Any]:

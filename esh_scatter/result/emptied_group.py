@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import bpy
 
 from ..targets.references import Reference
-from .display import our_modifier
-from .node_group import MADE_OF, Followed, Rest, followed_targets, placed_objects
+from .display import followed_targets, our_modifier
+from .node_group import MADE_OF, Followed, Rest, placed_objects
 from .result import NAME, set_node_group
 
 __all__ = ["EmptiedGroup", "empty_group", "fill_group"]
@@ -34,9 +34,9 @@ def empty_group(item: bpy.types.Object) -> EmptiedGroup | None:
     """
     modifier = our_modifier(item)
     group = modifier.node_group if modifier is not None else None
-    if group is None or not group.is_editable or not group.get(MADE_OF):
+    if modifier is None or group is None or not group.is_editable or not group.get(MADE_OF):
         return None
-    sources, followed = placed_objects(group), followed_targets(group)
+    sources, followed = placed_objects(group), followed_targets(modifier)
     if any(source is None for source in sources) or any(one.target is None for one in followed):
         return None
     classes = ast.literal_eval(group[MADE_OF])[0]

@@ -36,19 +36,20 @@ __all__ = [
     "Followed",
     "Rest",
     "build_node_group",
-    "followed_targets",
+    "followed_in",
     "kind_of",
     "made_of",
     "placed_objects",
     "placing_inputs",
     "put_at_rest",
     "show_input",
+    "target_inputs",
     "undoes_own_transform",
 ]
 
 INSTANCE_INDEX = "instance_index"
 # Which nodes a group has: with another number results get new ones in their next run.
-LAYOUT = 2
+LAYOUT = 3
 # What a group was made of apart from its objects, as a custom property.
 MADE_OF = "esh_made_of"
 ROTATION = "rotation"
@@ -99,6 +100,14 @@ def show_input(class_name: str) -> str:
     return f"Show {class_name}"
 
 
+def target_inputs(count: int) -> list[str]:
+    """Return what the inputs are called that name so many targets, in the order of ``esh_target``.
+
+    Blender has a copy of a result follow the copy of its target where both are copied together: of what modifiers name it sees to that.
+    """
+    return ["Target"] if count == 1 else [f"Target {number}" for number in range(1, count + 1)]
+
+
 def placed_objects(group: bpy.types.NodeTree) -> list[bpy.types.Object | bpy.types.Collection | None]:
     """Return the objects that a group places, and collections as one, in the order that ``instance_index`` counts."""
     return [socket.default_value for socket in _placing(group)]
@@ -115,8 +124,9 @@ def _placing(group: bpy.types.NodeTree) -> list[bpy.types.NodeSocket]:
     found = []
     for node in group.nodes:
         if node.bl_idname == "GeometryNodeGroup":
-            # An object or a collection that it takes is what it places; those that points follow are within a part.
-            found += [socket for socket in node.inputs if socket.type in ("OBJECT", "COLLECTION")]
+            # An object or a collection that it takes is what it places; those that points follow come from the group's inputs.
+            taken = [socket for socket in node.inputs if socket.type in ("OBJECT", "COLLECTION")]
+            found += [socket for socket in taken if not socket.is_linked]
         # In files of the first version all nodes are in one group.
         elif node.bl_idname == "GeometryNodeCollectionInfo":
             found.append(node.inputs["Collection"])
@@ -125,8 +135,11 @@ def _placing(group: bpy.types.NodeTree) -> list[bpy.types.NodeSocket]:
     return found
 
 
-def followed_targets(group: bpy.types.NodeTree) -> list[Followed]:
-    """Return what the points of a group follow, in the order of ``esh_target``, as its nodes say; targets may be gone."""
+def followed_in(group: bpy.types.NodeTree) -> list[Followed]:
+    """Return what the points of a group follow, in the order of ``esh_target``, as its nodes say; targets may be gone.
+
+    The group takes its targets as inputs, which only a modifier knows: they are None here. Those of earlier versions hold them.
+    """
     found = []
     for part in parts_of(group):
         for info in (node for node in part.nodes if node.bl_idname == "GeometryNodeObjectInfo"):
@@ -214,7 +227,7 @@ def build_node_group(
     # It is of use to its own points alone: no entry of Add Modifier.
     group.is_modifier = False
     group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    _take_inputs(tree, classes, bool(followed))
+    _take_inputs(tree, classes, len(followed))
     tree.begin()
     inputs = tree.inputs
     points = inputs["Geometry"]
@@ -222,6 +235,7 @@ def build_node_group(
     back = tree.add("FunctionNodeCombineMatrix").outputs[0]
     if followed:
         told = {"points": points, "follow": inputs["Follow"]}
+        told.update({name: inputs[name] for name in target_inputs(len(followed))})
         points, follows = tree.part("Follow", lambda part: _follow(part, followed), own=True, **told)
         (back,) = tree.part(WAY_BACK, _way_back, follows=follows)
     rotation = tree.attribute(ROTATION, "QUATERNION")
@@ -265,15 +279,16 @@ def _dots(tree: Tree, points: Socket, index: Socket, scale: Socket) -> Socket:
     return dots.outputs[0]
 
 
-def _take_inputs(tree: Tree, classes: Sequence[str], follow: bool) -> None:
+def _take_inputs(tree: Tree, classes: Sequence[str], targets: int) -> None:
     share = {"min_value": 0.0, "max_value": 1.0, "subtype": "FACTOR"}
     length = {"min_value": 0.0, "subtype": "DISTANCE"}
     tree.take("Geometry", "NodeSocketGeometry")
     tree.take("Share", "NodeSocketFloat", 1.0, help="Share of the objects that the viewport shows", **share)
     tree.take("Display", "NodeSocketMenu", help="What the viewport shows of every object")
     tree.take("Scale", "NodeSocketFloat", 1.0, help="Factor on the size of every object", min_value=0.0)
-    if follow:
+    if targets:
         tree.take("Follow", "NodeSocketBool", True, help="Move with the target, and bend with it")
+        _take_targets(tree, targets)
     panel = tree.group.interface.new_panel("Camera", default_closed=True)
     told = "Leave out what the active camera does not see"
     tree.take("Culling", "NodeSocketBool", False, help=told, parent=panel)
@@ -287,6 +302,14 @@ def _take_inputs(tree: Tree, classes: Sequence[str], follow: bool) -> None:
         panel = tree.group.interface.new_panel("Classes", default_closed=True)
         for class_name in classes:
             tree.take(show_input(class_name), "NodeSocketBool", True, help=f"Show {class_name}", parent=panel)
+
+
+def _take_targets(tree: Tree, count: int) -> None:
+    several = count > 1
+    panel = tree.group.interface.new_panel("Targets", default_closed=True) if several else None
+    told = "What the objects follow: the mesh that they were placed on, or a copy of it"
+    for name in target_inputs(count):
+        tree.take(name, "NodeSocketObject", help=told, **({"parent": panel} if several else {}))
 
 
 def _hidden(tree: Tree, in_viewport: Socket, limited: Socket, back: Socket, classes: Sequence[str]) -> Socket:
@@ -412,10 +435,10 @@ def _triangle(tree: Tree, followed: Sequence[Followed]) -> list[Socket]:
     """Return of every point what :func:`_triangle_now` does, of the target that it stands on, and whether there is any target."""
     found: list[Socket] = []
     there: list[Socket] = []
-    for number, told in enumerate(followed):
+    for number, (told, target) in enumerate(zip(followed, target_inputs(len(followed)), strict=True)):
         tree.column(1)
         info = tree.add("GeometryNodeObjectInfo", transform_space="ORIGINAL")
-        info.inputs["Object"].default_value = told.target
+        tree.link(tree.inputs[target], info.inputs["Object"])
         tree.column(2)
         rest = told.rest or Rest((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
         own = tree.part(

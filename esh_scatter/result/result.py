@@ -9,7 +9,8 @@ import numpy as np
 
 from ..classes.node_tree import remove_group
 from ..targets.target import RESULT_TAG, RESULT_TARGET, is_result
-from .display import get_inputs, our_modifier, set_inputs
+from .display import follow, get_inputs, our_modifier, set_inputs
+from .kept_ground import CLASSES_OF_POINTS
 from .local_views import join_local_views
 from .node_group import (
     HIDE_RENDER,
@@ -68,11 +69,20 @@ def is_shared(item: bpy.types.Object) -> bool:
 
 
 def is_copy(item: bpy.types.Object, result: bpy.types.Object) -> bool:
-    """Tell whether an object was copied from a result: it was made as that was, or shows what that shows by the same nodes."""
-    if item.get(NAME) == result.get(NAME) and item.get(RESULT_TARGET) == result.get(RESULT_TARGET):
+    """Tell whether an object was copied from a result: it was made as that was, or shows what that shows by the same nodes.
+
+    Where it was copied together with its target it stands on the copy of that: then its classes tell.
+    """
+    if item.get(NAME) == result.get(NAME) and (
+        item.get(RESULT_TARGET) == result.get(RESULT_TARGET) or _classes_of(item) & _classes_of(result)
+    ):
         return True
     own, others = our_modifier(item), our_modifier(result)
     return own is not None and others is not None and own.node_group == others.node_group
+
+
+def _classes_of(item: bpy.types.Object) -> set[int]:
+    return set(item.data.get(CLASSES_OF_POINTS, ()))
 
 
 def _results(scene: bpy.types.Scene, target: bpy.types.Object, name: str) -> list[bpy.types.Object]:
@@ -121,6 +131,7 @@ def write_result(
         modifier = our_modifier(replaced)
         if modifier is not None:
             put_at_rest(modifier.node_group, followed)
+            follow(modifier, followed)
         return replaced
     if replaced is None:
         mesh = _point_mesh(name, position, attributes)
@@ -153,9 +164,12 @@ def _take_from_parent(item: bpy.types.Object) -> None:
 
 
 def _shows(item: bpy.types.Object, name: str, sources: Sequence[bpy.types.Object], ingredients: str) -> bool:
-    """Tell whether a result was made with a name, and its node group already shows these objects, in this order."""
+    """Tell whether a result was made with a name, and its node group, which is its alone, shows these objects in this order."""
     groups = [m.node_group for m in item.modifiers if m.type == "NODES" and _is_ours(m.node_group)]
     if item.get(NAME) != name or len(groups) != 1 or groups[0].get(MADE_OF) != ingredients:
+        return False
+    if groups[0].users > 1:
+        # Copies of the result stand where targets stood when those were placed.
         return False
     return placed_objects(groups[0]) == list(sources)
 
@@ -194,6 +208,7 @@ def set_node_group(
     own = old is not None and old.is_editable and _is_ours(old) and old.users == 0
     modifier.node_group = build_node_group(name, sources, classes, followed, old if own else None)
     set_inputs(modifier, shown)
+    follow(modifier, followed)
 
 
 def _set_points(

@@ -11,7 +11,7 @@ from ...engine.problem.unit_vectors import unit_vectors
 from ...engine.surface.instances import body_rotations, rotate
 from ..targets.evaluated_mesh import evaluated_mesh, in_world, vertices_in_world
 from ..targets.target import is_mirrored
-from .display import get_inputs, matrix_of_points, our_modifier
+from .display import followed_targets, get_inputs, matrix_of_points, our_modifier
 from .kept_ground import MIDDLE, NORMAL, TO_ORIGIN, body_places, read_attribute
 from .node_group import (
     ALIGN,
@@ -26,7 +26,6 @@ from .node_group import (
     UP,
     WEIGHTS,
     Followed,
-    followed_targets,
 )
 
 __all__ = ["LyingNow", "MovedWith", "StandingNow", "lying_now", "moved_with", "raised", "rotations", "standing_now"]
@@ -129,7 +128,7 @@ def moved_with(result: bpy.types.Object, position: np.ndarray, context: bpy.type
     turned = np.broadcast_to(np.eye(3), (len(position), 3, 3))
     modifier = our_modifier(result)
     if modifier is not None and get_inputs(modifier).get("Follow", True) and WEIGHTS in mesh.attributes:
-        followed = followed_targets(modifier.node_group)
+        followed = followed_targets(modifier)
         targets = [_target_now(one, context) for one in followed]
         # Of earlier versions: a target that has lost or got vertices is not followed, and then none is.
         known = all(one.rest is not None for one in followed) or all(len(one.vertices) for one in targets)

@@ -13,8 +13,9 @@ from ..properties.asked_once import asked_once
 from ..properties.scatter import BY_HAND, ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import real_objects, words
-from ..result.display import get_inputs, input_property, is_in_world, our_modifier
+from ..result.display import followed_targets, get_inputs, input_property, is_in_world, our_modifier
 from ..result.local_views import is_left_out
+from ..result.node_group import target_inputs
 from ..result.refused import NOT_SEEN
 from ..result.result import find_result, is_copy, is_shared
 from ..solving import live, running
@@ -323,9 +324,10 @@ def _draw_copy(
     said = f'"{item.name}" is a copy of what "{scatter.name}" has placed. Update leaves it as it is'
     write_text(context, column, said, icon="INFO")
     if modifier is not None:
-        if is_in_world(item):
-            write_text(context, column, "It stands where the target is. Switch Follow off to move it")
-        _draw_inputs(column, modifier, ("Follow",))
+        ground = next((one.target for one in followed_targets(modifier) if one.target is not None), None)
+        if ground is not None and is_in_world(item):
+            write_text(context, column, f'It goes with "{ground.name}". Switch Follow off to move it by itself')
+        _draw_inputs(column, modifier, ("Follow", *target_inputs(1)))
 
 
 def _where_settings_are(item: bpy.types.Object) -> str:

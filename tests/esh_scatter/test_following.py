@@ -264,6 +264,33 @@ def test_how_the_target_stands_is_told_anew_with_every_run_and_builds_no_other_g
     np.testing.assert_allclose(matrices(item)[:, 0, 3], before[:, 0, 3] + 3.0, atol=1e-4)
 
 
+@pytest.mark.parametrize("way", ["copies", "linked copies", "scene"])
+def test_a_result_that_is_copied_with_its_target_follows_the_copy_of_that(scattered, way):
+    item = scattered.object
+    before = matrices(item)
+    if way == "scene":
+        bpy.ops.scene.new(type="FULL_COPY")
+    else:
+        for one in bpy.context.scene.objects:
+            one.select_set(one in (item, bpy.data.objects["Ground"]))
+        bpy.ops.object.duplicate(linked=way == "linked copies")
+    copy, ground = (bpy.context.scene.objects[f"{name}.001"] for name in (item.name, "Ground"))
+    ground.location.x = 40.0
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(matrices(copy)[:, 0, 3], before[:, 0, 3] + 40.0, atol=1e-4)
+    along = np.sort(standing_now(copy, bpy.context).position[:, 0])
+    np.testing.assert_allclose(along, np.sort(before[:, 0, 3]) + 40.0, atol=1e-4)
+    if way == "scene":
+        return
+    np.testing.assert_allclose(matrices(item), before, atol=1e-5)
+    # What the next run tells the result does not concern the copy.
+    bpy.data.objects["Ground"].location.y = 9.0
+    esh.scatter(bpy.data.objects["Ground"], asked(), device="cpu", max_steps=5, pinned=False)
+    ground.modifiers.new("Finer", "SUBSURF")
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(matrices(copy)[:, :2, 3], before[:, :2, 3] + [40.0, 0.0], atol=1e-4)
+
+
 def test_far_from_the_origin_what_has_other_vertices_and_did_not_move_stays_to_the_last_digit():
     ground = hills()
     ground.location, ground.rotation_euler.z = (500_000.0, 5_000_000.0, 0.0), 0.4

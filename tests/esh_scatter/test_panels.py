@@ -631,19 +631,35 @@ def test_of_a_copy_of_a_result_it_is_said_whose_it_is_and_it_can_be_moved():
         drawn = draw_all(2000)
         return drawn[: drawn.index("surface")]
 
+    goes_with = scatter.target.name
     for _ in range(2):
-        assert told()[-3:] == [own, "It stands where the target is. Switch Follow off to move it", "Follow"]
+        assert told()[-4:] == [own, f'It goes with "{goes_with}". Switch Follow off to move it by itself', "Follow", "Target"]
         # With points of its own, and after a run that gives the result others.
         copy.data = copy.data.copy()
         scatter.classes[0].sizes[0].count += 1
         assert bpy.ops.esh.scatter() == {"FINISHED"}
     set_inputs(our_modifier(copy), {"Follow": False})
-    assert told()[-2:] == [own, "Follow"], "it can be switched on again"
+    assert told()[-3:] == [own, "Follow", "Target"], "it can be switched on again"
     bpy.context.scene.collection.objects.unlink(scatter.result)
     copy[NAME] = "Wood"
     said = f'"{copy.name}" is a copy of the result that is no longer there. Scatter takes it in its place'
     assert told()[-2:] == ["The result is no longer there", said]
     assert bpy.ops.esh.scatter() == {"FINISHED"} and scatter.result == copy
+
+
+def test_of_a_copy_that_was_made_together_with_its_target_it_is_said_what_it_goes_with():
+    scatter = ready_scatter()
+    scatter.device, scatter.max_steps, scatter.avoid_overlap = "CPU", 5, False
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    for item in bpy.context.scene.objects:
+        item.select_set(item in (scatter.target, scatter.result))
+    bpy.context.view_layer.objects.active = scatter.result
+    bpy.ops.object.duplicate()
+    # The result has another group than its copy from then on.
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    assert bpy.context.object != scatter.result
+    said = f'It goes with "{scatter.target.name}.001". Switch Follow off to move it by itself'
+    assert said in draw_all(2000)
 
 
 def test_of_a_result_of_another_scene_it_is_said_which_one():
