@@ -539,6 +539,21 @@ def test_lines_have_a_width_from_the_beginning(sidebar, ground, tree):
     assert chosen(item=line) == 0.0, "its faces say how wide it is"
 
 
+def test_what_cannot_be_an_obstacle_adds_no_entry_and_nothing_is_chosen_in_one_at_most(sidebar, ground, tree):
+    made = in_sidebar(sidebar, ground, tree)
+    lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    bpy.context.scene.collection.objects.link(lamp)
+    for item in (tree, lamp):
+        for other in bpy.context.scene.objects:
+            other.select_set(other == item)
+        assert bpy.ops.esh.obstacle_add() == {"CANCELLED"} and not made.obstacles
+    for other in bpy.context.scene.objects:
+        other.select_set(other == ground)
+    for _ in range(2):
+        assert bpy.ops.esh.obstacle_add() == {"FINISHED"}
+        assert [one.item for one in made.obstacles] == [None] and made.obstacle_index == 0
+
+
 def test_neither_tiles_of_the_target_nor_what_is_placed_become_obstacles(sidebar, ground, tree):
     """All that lies around is selected when somebody wants the house in it."""
     made = in_sidebar(sidebar, ground, tree)
