@@ -8,10 +8,12 @@ import bpy
 
 from ..targets.target import FAMILY_OF, is_result, members_of, put_offset, shown_collection
 
-__all__ = ["as_placed", "heads_in", "metaballs_on"]
+__all__ = ["CONVERTED", "as_placed", "heads_in", "metaballs_on", "unmeasured"]
 
 # What has a footprint: others, such as lights and cameras, are passed over. Of metaballs Blender's nodes show nothing.
 SCATTERED_TYPES = {"MESH", "CURVE", "SURFACE", "FONT"}
+# What shows something that nothing measures, or that nodes do not show, until it is converted to a mesh.
+CONVERTED = {"META", "CURVES", "POINTCLOUD", "GREASEPENCIL"}
 # What has no footprint, and comes along where it hangs on something that has: the lamp of a post.
 COMPANIONS = {"LIGHT"}
 # What has no geometry and can be chosen for what hangs on it: rigs, and the empties that imported models hang on.
@@ -45,6 +47,12 @@ def metaballs_on(heads: Sequence[bpy.types.Object]) -> list[str]:
     """Return the names of metaballs that hang on objects, and that nothing shows where these are placed."""
     hanging = _hanging() if heads else {}
     return sorted(item.name for head in heads for item in _with_hanging(head, hanging) if item.type == "META")
+
+
+def unmeasured(candidates: Iterable[bpy.types.Object], heads: Sequence[bpy.types.Object]) -> list[str]:
+    """Return the names of those of some objects that have to be converted to be placed; what hangs on ``heads`` is placed with these."""
+    found = [item for item in candidates if item.type in CONVERTED and not any(one in heads for one in _ancestors(item))]
+    return sorted(item.name for item in found)
 
 
 def _ancestors(item: bpy.types.Object) -> Iterable[bpy.types.Object]:

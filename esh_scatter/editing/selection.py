@@ -16,11 +16,12 @@ from ...engine.problem.scatter_settings import TargetSettings
 from ...engine.surface.chart import Chart
 from ...engine.surface.whole_surface import WholeSurface
 from ..classes.flat_objects import lift_for
-from ..classes.object_outline import outline_of, read_source
+from ..classes.object_outline import NoFacesError, outline_of, read_source
 from ..classes.sunk_objects import is_sunk, own_heights
 from ..classes.survey import Survey
 from ..targets.references import Reference
 from ..targets.targets import check_targets, read_targets
+from .left_out import LeftOut, Why
 
 if TYPE_CHECKING:
     from ...engine.surface.mesh_outline import Outline
@@ -61,26 +62,26 @@ class Measured(NamedTuple):
 
 def measure(
     items: Sequence[bpy.types.Object | bpy.types.Collection], context: bpy.types.Context
-) -> tuple[list[Measured], list[str]]:
+) -> tuple[list[Measured], LeftOut]:
     """Measure objects as they stand, and collections as one.
 
     Returns:
         Those that take ground, and the names of those that take none.
     """
-    measured, flat = [], []
+    measured: list[Measured] = []
+    left_out: dict[Why, list[str]] = {why: [] for why in Why}
     for item in items:
-        try:
-            mesh = read_source(item, context, "`area`")
-        except ProblemError:
-            flat.append(item.name)
+        _, mesh = _read(item, context)
+        if isinstance(mesh, Why):
+            left_out[mesh].append(item.name)
             continue
         try:
             outline = outline_of(mesh, "`area`")
         except ProblemError:
-            flat.append(item.name)
+            left_out[Why.FLAT].append(item.name)
             continue
         measured.append(_measured(item, mesh, outline))
-    return measured, flat
+    return measured, left_out
 
 
 def _measured(item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh, outline: Outline) -> Measured:
@@ -150,7 +151,7 @@ class SelectionSurvey:
             self._longest = float(chart.size.max())
         for _, mesh in self._items:
             try:
-                self._outlines.append(None if mesh is None else self.survey.outline(mesh, "`area`"))
+                self._outlines.append(None if isinstance(mesh, Why) else self.survey.outline(mesh, "`area`"))
             except ProblemError:
                 self._outlines.append(None)
 
@@ -170,20 +171,23 @@ class SelectionSurvey:
         """Return the names of objects of which one covers more than all of the ground: that is another one, most likely."""
         return [one.item.name for one in measured if one.area > self._seen]
 
-    def measured(self) -> tuple[list[Measured], list[str], list[str]]:
-        """Return what :func:`measure` does, of what is still there; and the names of those that are longer than the ground."""
-        found, flat, long = [], [], []
+    def measured(self) -> tuple[list[Measured], LeftOut]:
+        """Return what :func:`measure` does, of what is still there; what is longer than the ground is left out, too."""
+        found: list[Measured] = []
+        left_out: dict[Why, list[str]] = {why: [] for why in Why}
         for (reference, mesh), outline in zip(self._items, self._outlines, strict=True):
             item = reference.find()
             if item is None:
                 continue
-            if mesh is None or outline is None:
-                flat.append(item.name)
+            if isinstance(mesh, Why):
+                left_out[mesh].append(item.name)
+            elif outline is None:
+                left_out[Why.FLAT].append(item.name)
             elif outline.is_long and outline.length > self._longest:
-                long.append(item.name)
+                left_out[Why.LONG].append(item.name)
             else:
                 found.append(_measured(item, mesh, outline))
-        return found, flat, long
+        return found, left_out
 
 
 def _open_share(chart: Chart) -> float:
@@ -195,12 +199,15 @@ def _open_share(chart: Chart) -> float:
 
 def _read(
     item: bpy.types.Object | bpy.types.Collection, context: bpy.types.Context
-) -> tuple[Reference, TriangleMesh | None]:
-    """Return what to place, and its mesh, or None where it has no faces."""
+) -> tuple[Reference, TriangleMesh | Why]:
+    """Return what to place, and its mesh, or why it has none that could be measured."""
+    mesh: TriangleMesh | Why
     try:
         mesh = read_source(item, context, "`area`")
+    except NoFacesError:
+        mesh = Why.BARE
     except ProblemError:
-        mesh = None
+        mesh = Why.REPEATS
     return Reference(item, "object to place"), mesh
 
 

@@ -17,7 +17,7 @@ from ...engine.problem.scatter_settings import TargetSettings
 from ..properties.described import values_from
 from ..properties.scene import active_scatter, selected_scatter
 from ..result.scene_units import sentence
-from .edit import Edit, warn_of_metaballs
+from .edit import Edit, warn_of_unplaced
 
 __all__ = ["CLASSES", "ClassesFromObjects"]
 
@@ -114,21 +114,23 @@ class ClassesFromObjects(Edit):
         from ..editing.families import as_placed, heads_in
 
         targets = selected_scatter(context).targets
+        candidates = list(candidates)
         heads = heads_in(candidates, targets)
-        warn_of_metaballs(self, heads)
+        warn_of_unplaced(self, candidates, heads)
         return self._add(context, as_placed(heads, targets))
 
     def _add(self, context: bpy.types.Context, items: Sequence[bpy.types.Object | bpy.types.Collection]) -> set[str]:
+        from ..editing.left_out import nothing_left, told
         from ..editing.selection import add_classes, measure
 
         scatter = selected_scatter(context)
-        measured, flat = measure(items, context)
+        measured, left_out = measure(items, context)
         add_classes(scatter, measured, [self.count] * len(measured))
         if not measured:
-            self.report({"ERROR"}, "None of the objects covers ground when seen from above. Nothing was changed")
+            self.report({"ERROR"}, nothing_left(left_out))
             return {"CANCELLED"}
-        if flat:
-            self.report({"WARNING"}, f"Left out, because they cover no ground when seen from above: {', '.join(flat)}")
+        for text in told(left_out):
+            self.report({"WARNING"}, text)
         return {"FINISHED"}
 
 

@@ -3,7 +3,7 @@
 # Properties are annotations that are calls, which Blender reads and mypy cannot.
 # mypy: disable-error-code="valid-type"
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import bpy
@@ -26,7 +26,7 @@ __all__ = [
     "select_points",
     "settings_editable",
     "stood_on",
-    "warn_of_metaballs",
+    "warn_of_unplaced",
 ]
 
 
@@ -183,9 +183,14 @@ def remove_at(collection: Any, index: int) -> int:
     return max(0, min(index, len(collection) - 1))
 
 
-def warn_of_metaballs(operator: bpy.types.Operator, heads: Sequence[bpy.types.Object]) -> None:
-    """Say which of the things that hang on objects are not placed with them, because geometry nodes show none of their kind."""
-    from ..editing.families import metaballs_on
+def warn_of_unplaced(
+    operator: bpy.types.Operator, candidates: Iterable[bpy.types.Object], heads: Sequence[bpy.types.Object]
+) -> None:
+    """Say which of some objects are not placed, and which of the things that hang on those that are, because of their kind."""
+    from ..editing.families import metaballs_on, unmeasured
+
+    if names := unmeasured(candidates, heads):
+        operator.report({"WARNING"}, f"Left out; convert to a mesh: {', '.join(names)}")
 
     if names := metaballs_on(heads):
         operator.report(

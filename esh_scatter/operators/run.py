@@ -18,6 +18,7 @@ from ...engine.problem.settings import settings_of
 from ..editing.amount_ahead import bodies_ahead, question
 from ..editing.beside_others import fit_beside_others, free_share
 from ..editing.forecast import scale_counts
+from ..editing.left_out import nothing_left, told
 from ..properties.described import identifier_of, property_of, value_of
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
@@ -26,7 +27,7 @@ from ..result.real_objects import discard_real, real_objects_of
 from ..result.scene_units import in_scene_units, sentence
 from ..solving import running
 from ..targets.target import members_of
-from .edit import remove_at, settings_editable, stood_on, warn_of_metaballs
+from .edit import remove_at, settings_editable, stood_on, warn_of_unplaced
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -349,14 +350,12 @@ class ScatterObjects(_Run):
         # The panel of the last operation looks again.
         self._found = None
         self.surface = identifier_of(_SETTINGS["surface"], found.settings.surface)
-        measured, flat, long = found.measured()
-        for why, names in (("cover no ground when seen from above", flat), ("are longer than the ground", long)):
-            if names:
-                self.report({"WARNING"}, f"Left out, because they {why}: {', '.join(names)}")
+        measured, left_out = found.measured()
         if not measured:
-            why = "fits on the ground" if long else "covers ground when seen from above"
-            self.report({"ERROR"}, f"None of the objects {why}. Nothing was changed")
+            self.report({"ERROR"}, nothing_left(left_out))
             return None
+        for text in told(left_out):
+            self.report({"WARNING"}, text)
         stands_on = stood_on(context.view_layer.objects.active)
         if (larger := found.larger(measured)) and stands_on is not None:
             text = f'"{larger[0]}" is larger than "{stands_on.name}", which is taken for the ground: select the ground last'
@@ -407,20 +406,23 @@ class ESH_OT_scatter_selection(ScatterObjects):
 
     @classmethod
     def _lacks(cls, context: bpy.types.Context) -> str | None:
+        from ..editing.families import CONVERTED
+
         if stood_on(context.view_layer.objects.active) is None:
             return "Select the objects to place, then the ground, which must be a mesh"
         if _selected_sources(context):
             return None
         others = [item for item in context.selected_objects if item != context.view_layer.objects.active]
         if others:
-            return f'"{others[0].name}" cannot be placed: select meshes, or convert it to one'
+            text = f'"{others[0].name}" cannot be placed: select meshes'
+            return f"{text}, or convert it to one" if others[0].type in CONVERTED else text
         return "Select the objects to place as well, then the ground last"
 
     def _sources(self, context: bpy.types.Context) -> list[bpy.types.Object | bpy.types.Collection]:
         from ..editing.families import as_placed
 
         heads = _selected_sources(context)
-        warn_of_metaballs(self, heads)
+        warn_of_unplaced(self, context.selected_objects, heads)
         return as_placed(heads, members_of(stood_on(context.view_layer.objects.active)))
 
 

@@ -155,12 +155,15 @@ def test_a_metaball_that_hangs_on_an_object_is_named(ground):
     hang("Drop", drop, post)
     told = []
     operator = type("Told", (), {"report": lambda _self, kind, text: told.append((kind, text))})()
-    edit.warn_of_metaballs(operator, [post])
+    edit.warn_of_unplaced(operator, [post, ground], [post])
     assert told == [({"WARNING"}, "Left out: geometry nodes show no metaballs; convert to a mesh: Drop")]
     select(post, ground, active=ground)
     assert bpy.ops.esh.scatter_selection(most=10) == {"FINISHED"}
-    edit.warn_of_metaballs(operator, [ground])
+    edit.warn_of_unplaced(operator, [], [ground])
     assert len(told) == 1
+    alone = hang("Puddle", drop, None)
+    edit.warn_of_unplaced(operator, [post, alone], [ground])
+    assert told[1:] == [({"WARNING"}, "Left out; convert to a mesh: Puddle")]
 
 
 def test_leaves_alone_are_placed_alone_and_what_hangs_on_the_ground_is_no_part_of_it(ground):

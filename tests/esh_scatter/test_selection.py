@@ -402,16 +402,22 @@ def test_the_button_says_what_to_select(ground, objects, what, said):
         bpy.ops.esh.scatter_selection()
 
 
-def test_what_takes_no_ground_is_left_out_and_nothing_else_changes_nothing(ground, objects):
+def test_what_takes_no_ground_is_left_out_and_nothing_else_changes_nothing(ground, objects, capfd):
     edge = bpy.data.objects.new("Edge", bpy.data.curves.new("Edge", "CURVE"))
     bpy.context.scene.collection.objects.link(edge)
     bpy.context.view_layer.update()
     select(edge, ground, active=ground)
-    with pytest.raises(RuntimeError, match="None of the objects covers ground"):
+    with pytest.raises(RuntimeError, match="None of the objects has faces; curves get some by a Bevel"):
         bpy.ops.esh.scatter_selection()
     assert len(bpy.context.scene.esh_scatter.scatters) == 0
+    wall = box("Wall", 0.0, 0.0, 0.0)
+    select(edge, wall, ground, active=ground)
+    with pytest.raises(RuntimeError, match="None of the objects covers ground"):
+        bpy.ops.esh.scatter_selection()
     select(edge, objects[0], ground, active=ground)
+    capfd.readouterr()
     assert bpy.ops.esh.scatter_selection(most=20) == {"FINISHED"}
+    assert "because they have no faces; curves get some by a Bevel: Edge" in capfd.readouterr().out
     assert [c.name for c in bpy.context.scene.esh_scatter.active.classes] == ["Tree"]
 
 
@@ -636,5 +642,5 @@ def test_what_cannot_be_placed_is_named(ground):
     light = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
     bpy.context.scene.collection.objects.link(light)
     select(light, ground, active=ground)
-    with pytest.raises(RuntimeError, match='"Lamp" cannot be placed: select meshes'):
+    with pytest.raises(RuntimeError, match='"Lamp" cannot be placed: select meshes$'):
         bpy.ops.esh.scatter_selection()
