@@ -13,7 +13,7 @@ from ...engine.errors import ProblemError
 from ..targets.evaluated_mesh import vertices_in_world
 from ..targets.target import check_target
 
-__all__ = ["PAINTED_IN", "attach", "begin_to_paint", "can_be_painted", "detach", "unsaved_images"]
+__all__ = ["PAINTED_IN", "attach", "begin_to_paint", "can_be_painted", "detach", "unsaved_images", "why_not_painted"]
 
 # Kinds of layers that are painted, and the mode in which that is done.
 PAINTED_IN = {"IMAGE": "PAINT_TEXTURE", "VERTEX_GROUP": "PAINT_WEIGHT", "ATTRIBUTE": "PAINT_VERTEX"}
@@ -27,6 +27,16 @@ def can_be_painted(layer: Any, target: bpy.types.Object | None) -> bool:
         return layer.kind in PAINTED_IN
     mesh = target.data
     return layer.attribute in mesh.color_attributes or layer.attribute not in mesh.attributes
+
+
+def why_not_painted(target: bpy.types.Object | None) -> str | None:
+    """Return what keeps a target from being painted on, as one sentence that says what to do, or None."""
+    if target is None:
+        return "Choose a target first: a mesh to paint on"
+    if not target.is_editable or not target.data.is_editable:
+        local = "To paint on it, make object and data local: Object > Relations > Make Local"
+        return f'The mesh of "{target.name}" belongs to another file. {local}'
+    return None
 
 
 def begin_to_paint(
@@ -45,8 +55,8 @@ def begin_to_paint(
         ProblemError: The target cannot be painted on.
     """
     check_target(target, context)
-    if not target.data.is_editable:
-        raise ProblemError(f'target "{target.name}" must have a mesh that can be changed; its mesh is linked')
+    if why := why_not_painted(target):
+        raise ProblemError(why)
     if context.mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
     for item in context.selected_objects:

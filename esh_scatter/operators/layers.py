@@ -15,7 +15,7 @@ from mathutils import Vector
 from ...engine.errors import EshError
 from ..densities.density_curve import remove_curve
 from ..properties.layer import KINDS
-from ..properties.scene import active_scatter, selected_class, selected_scatter
+from ..properties.scene import selected_class, selected_scatter
 from ..result.scene_units import sentence
 from .edit import ClassEdit, MoveEntry, RemoveEntry
 
@@ -111,13 +111,17 @@ class ESH_OT_layer_paint(ClassEdit):
         name="Resolution", description="Pixels along each side of a new image", default=1024, min=16, max=8192
     )
 
-    @staticmethod
-    def _needs(context: bpy.types.Context) -> object:
-        scatter = active_scatter(context)
-        target = scatter.first_target if scatter and scatter.active_class else None
-        return target if target is not None and target.type == "MESH" and target.library is None else None
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Say in the button's tooltip what keeps the target from being painted on."""
+        from ..editing.painting import why_not_painted
 
-    _missing = "Choose a target that can be changed, and select a class first"
+        if not super().poll(context):
+            return False
+        why = why_not_painted(selected_scatter(context).first_target)
+        if why:
+            cls.poll_message_set(why)
+        return why is None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Make what is missing, and begin to paint."""

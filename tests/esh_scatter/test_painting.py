@@ -102,7 +102,20 @@ def test_why_nothing_can_be_painted_is_said(scatter):
     with pytest.raises(RuntimeError, match='"Ground" must be visible'):
         bpy.ops.esh.layer_paint(kind="IMAGE")
     scatter.target = None
-    assert not bpy.ops.esh.layer_paint.poll()
+    with pytest.raises(RuntimeError, match="Choose a target first"):
+        bpy.ops.esh.layer_paint(kind="IMAGE")
+
+
+def test_why_a_mesh_of_another_file_is_not_painted_on_is_said(scatter, tmp_path):
+    bpy.data.libraries.write(str(tmp_path / "ground.blend"), {scatter.target})
+    with bpy.data.libraries.load(str(tmp_path / "ground.blend"), link=True) as (_, wanted):
+        wanted.objects = ["Ground"]
+    (linked,) = wanted.objects
+    bpy.context.scene.collection.objects.link(linked)
+    for target in (linked, linked.override_create()):
+        scatter.target = target
+        with pytest.raises(RuntimeError, match="belongs to another file. To paint on it, make object and data local"):
+            bpy.ops.esh.layer_paint(kind="IMAGE")
 
 
 def test_without_a_layer_that_can_be_painted_an_image_is_made(scatter):
