@@ -68,11 +68,24 @@ class WithTarget:
                 return "Choose a collection: the meshes to scatter on"
             if not any(scene.objects.get(item.name) == item for item in self.targets):
                 return f'Collection "{self.target_collection.name}" has no mesh in this scene; choose another target'
-            return None
+            return self._faces_obstacle()
         if self.target is None:
             return "Choose a target: the mesh to scatter on"
         if self.target.type != "MESH":
             return f'"{self.target.name}" is not a mesh; choose a mesh as the target'
         if scene.objects.get(self.target.name) != self.target:
             return f'"{self.target.name}" is no longer in this scene; choose another target'
-        return None
+        return self._faces_obstacle()
+
+    def _faces_obstacle(self) -> str | None:
+        """Return that a target has nothing to stand on, as one sentence that says what to do, or None."""
+        from ..targets.top import lacks_faces
+
+        bare = next((item for item in self.targets if lacks_faces(item)), None)
+        if bare is None:
+            return None
+        if self.target_kind == "COLLECTION":
+            return f'"{bare.name}" in the collection has no faces to stand on; take it out of there'
+        if any(modifier.type == "NODES" for modifier in bare.modifiers):
+            return f'"{bare.name}" has no faces to stand on; Realize Instances, in its geometry nodes, gives it those of instances'
+        return f'"{bare.name}" has no faces to stand on; choose another target'

@@ -1,4 +1,4 @@
-"""Whether targets have a top: without one, nothing can be scattered on them from above."""
+"""Whether targets have faces, and a top: without faces nothing can be scattered on them, and without a top not from above."""
 
 from __future__ import annotations
 
@@ -12,10 +12,18 @@ from . import checksums
 from .evaluated_mesh import in_world
 from .target import world_matrix
 
-__all__ = ["have_no_top"]
+__all__ = ["have_no_top", "lacks_faces"]
 
 # Faces that are looked at before all are: nearly always one of them is visible from above.
 FIRST_FACES = 16
+
+
+def lacks_faces(item: bpy.types.Object) -> bool:
+    """Tell whether a mesh object is known to have no faces, with its modifiers; it costs next to nothing, so that drawing may ask."""
+    if len(item.data.polygons) and not item.modifiers:
+        return False
+    mesh = _evaluated_mesh(item)
+    return mesh is not None and not len(mesh.polygons)
 
 
 def have_no_top(objects: Sequence[bpy.types.Object]) -> bool:
@@ -44,9 +52,15 @@ def _show_no_top(meshes: Sequence[tuple[bpy.types.Mesh, np.ndarray]]) -> bool:
 
 def _mesh_of(item: bpy.types.Object) -> bpy.types.Mesh | None:
     """Return the evaluated mesh of an object; None where it has no faces to look at now."""
+    mesh = _evaluated_mesh(item)
+    return mesh if mesh is not None and len(mesh.polygons) else None
+
+
+def _evaluated_mesh(item: bpy.types.Object) -> bpy.types.Mesh | None:
+    """Return the mesh of an object with its modifiers; None where that is not known, as in Edit Mode."""
     evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
     known = evaluated.is_evaluated and evaluated.mode != "EDIT" and isinstance(evaluated.data, bpy.types.Mesh)
-    return evaluated.data if known and len(evaluated.data.polygons) else None
+    return evaluated.data if known else None
 
 
 def _has_top_at_once(mesh_in_world: tuple[bpy.types.Mesh, np.ndarray]) -> bool:

@@ -208,6 +208,27 @@ def test_renamed_data_is_followed_and_deleted_data_leaves_an_empty_field(scatter
     assert scatter.target is None and "Choose a target" in scatter.obstacle(bpy.context.scene)
 
 
+def test_a_target_without_faces_is_told_of_before_a_run(scatter):
+    assert scatter.target_obstacle(bpy.context.scene) is None
+    nodes = scatter.target.modifiers.new("Empty", "NODES")
+    nodes.node_group = bpy.data.node_groups.new("Empty", "GeometryNodeTree")
+    nodes.node_group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    nodes.node_group.nodes.new("NodeGroupOutput")
+    bpy.context.view_layer.update()
+    assert "has no faces to stand on; Realize Instances" in scatter.obstacle(bpy.context.scene)
+    nodes.show_viewport = False
+    bpy.context.view_layer.update()
+    assert scatter.target_obstacle(bpy.context.scene) is None
+    scatter.target.modifiers.clear()
+    scatter.target.data.clear_geometry()
+    assert "has no faces to stand on; choose another target" in scatter.obstacle(bpy.context.scene)
+    group = bpy.data.collections.new("Tiles")
+    bpy.context.scene.collection.children.link(group)
+    group.objects.link(scatter.target)
+    scatter.target_kind, scatter.target_collection = "COLLECTION", group
+    assert "in the collection has no faces to stand on" in scatter.obstacle(bpy.context.scene)
+
+
 def test_a_target_deleted_in_the_viewport_counts_as_gone(scatter):
     """Blender keeps such an object alive, because the settings still point to it."""
     bpy.context.scene.collection.objects.unlink(scatter.target)
