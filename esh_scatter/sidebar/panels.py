@@ -96,9 +96,9 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
             live.wake()
         if editing:
             said = "Select points and move them (G). Instances, below, has more"
-            write_text(context, layout.column(align=True), said, icon="INFO")
-            if not scatter.live:
-                return
+            waits = ". Live goes on when you are done" if scatter.live else ""
+            write_text(context, layout.column(align=True), said + waits, icon="INFO")
+            return
         if is_painted(context, scatter):
             # The layer has that button, too, but often below the lower edge of the window.
             layout.operator("object.mode_set", text="Done Painting", icon="CHECKMARK").mode = "OBJECT"

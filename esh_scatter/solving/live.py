@@ -185,10 +185,12 @@ class _Live:
         from .live_worker import Request
 
         self._looked = time.monotonic()
-        if any(target.mode == "EDIT" for target in scatter.targets) or scatter.obstacle(context.scene):
+        result = scatter.result_in(context.scene)
+        # What is edited is followed once that is done.
+        edited = [item for item in (*scatter.targets, result) if item is not None and item.mode == "EDIT"]
+        if edited or scatter.obstacle(context.scene):
             self._say(scatter.obstacle(context.scene) or "")
             return
-        result = scatter.result_in(context.scene)
         if result is not None and real_objects_of(result) is not None:
             self._say("Its instances are real objects: click Back to Instances first")
             return

@@ -100,6 +100,22 @@ def test_a_painted_image_is_followed_and_what_is_far_from_it_stays(scatter, foll
     assert not active().outdated and active().report["classes"][0]["sizes"][0]["placed"] == 200
 
 
+def test_while_points_are_edited_nothing_is_wrong_and_what_was_moved_is_followed_after_it(scatter, follow):
+    before = switch_on(scatter, follow)
+    scatter.result.data.vertices[7].co.x += 1.0
+    follow()
+    place = points()[7].copy()
+    bpy.ops.object.select_all(action="DESELECT")
+    bpy.context.view_layer.objects.active = scatter.result
+    bpy.ops.object.mode_set(mode="EDIT")
+    scatter.classes[0].sizes[0].count = 190
+    follow()
+    assert live.status(bpy.context.scene, scatter) == "", "who moves points is told what to do, not that it is wrong"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    follow()
+    assert len(points()) == len(before) - 10 and np.linalg.norm(points()[7] - place) < 1e-3
+
+
 @pytest.mark.parametrize("even, steps", [(0.15, 5), (0.0, 45)])
 def test_what_looks_uneven_after_a_change_runs_on(scatter, follow, monkeypatch, even, steps):
     from esh.esh_scatter.solving import live_worker
