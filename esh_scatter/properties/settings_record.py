@@ -34,7 +34,7 @@ __all__ = [
 PAINTED, EDITED = " painted", " edited"
 
 # What is said where a target was changed for another, and under which key the name of a collection is kept that is one.
-TARGET, COLLECTION = "target", "scatter.target_collection"
+TARGET, TARGET_KIND, COLLECTION = "target", "target kind", "scatter.target_collection"
 
 # How a record says that there is nothing of something: no obstacles, no places set by hand and no pins, no curve.
 NOTHING: tuple[Any, ...] = ([], [[], []])
@@ -178,9 +178,7 @@ def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[s
         return ["settings"]
     found = _differing(before["scatter"], now["scatter"], scatter)
     if before["target"] != now["target"]:
-        # Where it is the same collection, only its members differ.
-        same_name = before["names"].get(COLLECTION) == now["names"].get(COLLECTION)
-        found = ["shape or place of the target", *(what for what in found if not (same_name and what == TARGET))]
+        found = [_what_of_target(before, now, found), *(what for what in found if what not in (TARGET, TARGET_KIND))]
     old, new = before["classes"], now["classes"]
     groups = {str(c.uid): c for c in scatter.classes}
     for uid in new:
@@ -194,6 +192,14 @@ def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[s
         if uid not in new
     ]
     return list(dict.fromkeys(found)) or ["the order of the classes" if list(old) != list(new) else "settings"]
+
+
+def _what_of_target(before: dict[str, Any], now: dict[str, Any], found: Sequence[str]) -> str:
+    """Return what differs of the target, in words: it is another one, or the same elsewhere or of another shape."""
+    # Where it is the same collection, only its members differ.
+    same_name = before["names"].get(COLLECTION) == now["names"].get(COLLECTION)
+    other = TARGET_KIND in found or (TARGET in found and not same_name)
+    return TARGET if other else "shape or place of the target"
 
 
 def _differing_class(before: dict[str, Any], now: dict[str, Any], uid: str, group: Any, apart: bool) -> list[str]:
