@@ -16,7 +16,7 @@ from ...engine.problem.image_filters import luminance
 from ..targets.target import check_exists
 from .density_source import checksum
 
-__all__ = ["FIRST_TILE", "TILES_IN_ROW", "StoredImage", "image_pixels", "read_image"]
+__all__ = ["FIRST_TILE", "TILES_IN_ROW", "StoredImage", "image_pixels", "only_shown", "read_image"]
 
 # Tiles of an image are numbered from here on, so many for each whole step of v.
 FIRST_TILE = 1001
@@ -24,8 +24,8 @@ TILES_IN_ROW = 10
 _CHANNELS = ("red", "green", "blue")
 # Images that Blender tells scripts no pixels of, though their files hold some: which frame is meant, only who shows them says.
 _ONLY_SHOWN = {
-    "SEQUENCE": "it is an image sequence, of which no frame can be read: set its Source to Single Image",
-    "MOVIE": "it is a movie, of which no frame can be read: use an image instead",
+    "SEQUENCE": "is an image sequence, of which no frame can be read: set its Source to Single Image",
+    "MOVIE": "is a movie, of which no frame can be read: use an image instead",
 }
 
 
@@ -64,6 +64,11 @@ class StoredImage:
         return {}
 
 
+def only_shown(image: bpy.types.Image) -> str:
+    """Return why no pixels of an image can be read, and what to do, as the end of a sentence; an empty text where they can."""
+    return _ONLY_SHOWN.get(image.source, "")
+
+
 def image_pixels(image: bpy.types.Image, key: str) -> np.ndarray:
     """Return the stored values of an image, shape ``[height, width, channels]``, float32, row 0 at the top.
 
@@ -77,7 +82,7 @@ def image_pixels(image: bpy.types.Image, key: str) -> np.ndarray:
     if width * height * channels == 0 or len(image.pixels) != width * height * channels:
         path = bpy.path.abspath(image.filepath, library=image.library) if image.filepath else ""
         where = f"its file {path} is missing or cannot be read" if path else "it holds none"
-        where = _ONLY_SHOWN.get(image.source, where)
+        where = f"it {only_shown(image)}" if only_shown(image) else where
         raise ProblemError(f'{key}: image "{image.name}" must have pixels; {where}')
     pixels = np.empty(width * height * channels, np.float32)
     image.pixels.foreach_get(pixels)

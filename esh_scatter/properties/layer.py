@@ -291,8 +291,12 @@ class ESH_PG_layer(PropertyGroup):
         return deleted_name(self.source) if self.kind in ("DISTANCE", "INSIDE") else ""
 
     def _image_obstacle(self, target: bpy.types.Object) -> str | None:
+        from ..densities.image_pixels import only_shown
+
         if self.image is None:
             return "choose its density image"
+        if why := only_shown(self.image):
+            return f'"{self.image.name}" {why}'
         if self.image_mapping == "UV":
             if not target.data.uv_layers:
                 return f'"{target.name}" has no UV map; add one, or choose From Above as its mapping'

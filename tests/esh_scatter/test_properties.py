@@ -208,6 +208,14 @@ def test_renamed_data_is_followed_and_deleted_data_leaves_an_empty_field(scatter
     assert scatter.target is None and "Choose a target" in scatter.obstacle(bpy.context.scene)
 
 
+def test_images_of_which_nothing_can_be_read_are_told_of_before_a_run(scatter):
+    image = bpy.data.images.new("Clouds", 4, 4)
+    scatter.classes[0].add_layer("IMAGE", image=image)
+    assert scatter.left_out() == []
+    image.source = "SEQUENCE"
+    assert '"Clouds" is an image sequence, of which no frame can be read: set its Source' in scatter.left_out()[0]
+
+
 def test_a_target_without_faces_is_told_of_before_a_run(scatter):
     assert scatter.target_obstacle(bpy.context.scene) is None
     nodes = scatter.target.modifiers.new("Empty", "NODES")
