@@ -153,15 +153,35 @@ def _where_any(images: Sequence[np.ndarray], shape: tuple[int, int]) -> np.ndarr
 def _share_beside_obstacles(problem: Problem, domain: Domain, mean_area: float) -> float:
     """Part of what fits on free ground that fits beside obstacles: along them bodies leave gaps like those along an edge.
 
-    There a quarter of a disc's width is lost; see :func:`.packing.share_inside`.
+    There a quarter of a disc's width is lost; see :func:`.packing.share_inside`. And all of pockets into which no body gets.
     """
     if not problem.obstacles:
         return 1.0
-    radius = float(disc_radius(mean_area))
+    radius, narrowest = float(disc_radius(mean_area)), 0.5 * _narrowest(problem)
     shape = _pixels(domain, radius)
     free = _where_any([c.density_image for c in problem.classes], shape)
-    beside = clearance(problem.obstacles, domain, shape, 0.5 * radius) < 0.5 * radius
-    return float(free[~beside].sum() / max(float(free.sum()), 1e-300))
+    away = clearance(problem.obstacles, domain, shape, max(0.5 * radius, narrowest))
+    # What a lane is short of by less than a pixel is not known.
+    reached = _reached(away, domain, max(narrowest - 0.5 * max(_pixel(domain, shape)), 0.0))
+    return float(free[(away >= 0.5 * radius) & reached].sum() / max(float(free.sum()), 1e-300))
+
+
+def _narrowest(problem: Problem) -> float:
+    """Return the smallest width of any body that is asked for [m]; 0 where it is not known."""
+    sizes = [size for body_class in problem.classes for size in body_class.sizes if size.count]
+    return min((float(size.kind.narrowest(size.mean_area)) for size in sizes), default=0.0)
+
+
+def _reached(away: np.ndarray, domain: Domain, radius: float) -> np.ndarray:
+    """Tell which pixels discs of a radius [m] cover that keep off obstacles, from how far away these are, shape ``[n, m]`` each."""
+    pixel = _pixel(domain, away.shape)
+    covered: np.ndarray = distance_to(away >= radius, pixel, radius + max(pixel), domain.periodic) <= radius
+    return covered
+
+
+def _pixel(domain: Domain, shape: tuple[int, ...]) -> tuple[float, float]:
+    """Return the width and height of a pixel [m], of an image of so many rows and columns."""
+    return domain.size[0] / shape[1], domain.size[1] / shape[0]
 
 
 class Room:
@@ -198,9 +218,7 @@ class Room:
             return 1.0
         radius = scale * self._radius[class_index]
         free = in_cells(self._problem.classes[class_index].density_image > 0.0, self._shape)
-        rows, columns = self._shape
-        pixel = (domain.size[0] / columns, domain.size[1] / rows)
-        reached = distance_to(away >= radius, pixel, radius + max(pixel), domain.periodic) <= radius
+        reached = _reached(away, domain, radius)
         return float((free * reached).sum() / max(float(free.sum()), 1e-300))
 
 

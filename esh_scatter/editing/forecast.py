@@ -45,6 +45,8 @@ LOOK = 0.05
 MOST_BODIES = 500_000
 # Counts are scaled to this share of what fits, and so many times at most: some cannot be scaled, or not below one.
 MARGIN = 0.98
+# Between obstacles what fits is known less well, and bodies that are stuck there find no other place where all are full.
+MARGIN_BESIDE_OBSTACLES = 0.95
 TIMES = 4
 
 
@@ -173,11 +175,12 @@ def look(scene: bpy.types.Scene, number: int) -> Forecast | None:
 def scale_counts_to_fit(scatter: Any, scene: bpy.types.Scene) -> float:
     """Scale the counts of a scatter's classes so that its footprints fit; returns the share of them that is left, 1 where all fit."""
     whole = 1.0
+    margin = MARGIN_BESIDE_OBSTACLES if scatter.arguments(scene)[1]["obstacles"] else MARGIN
     for _ in range(TIMES):
         cover = forecast(scatter, scene)
         if cover is None or not cover.too_much:
             break
-        factor = MARGIN * cover.fits / cover.covered
+        factor = margin * cover.fits / cover.covered
         before = scale_counts(scatter.ready_classes(), factor)
         if all(getattr(group, name) == value for group, name, value in before):
             # Nothing can be less.

@@ -122,6 +122,14 @@ def test_a_click_scales_counts_to_fit(scatter, kind):
     assert scatter.report["overlaps"] == 0
 
 
+def test_between_obstacles_more_room_is_left(scatter):
+    scatter.obstacles.add().item = flat("Rock", 2.0, 2.0)
+    bpy.context.view_layer.update()
+    before = cover_of(scatter)
+    assert before.too_much and bpy.ops.esh.counts_to_fit() == {"FINISHED"}
+    assert scatter.classes[0].sizes[0].count == round(270 * 0.95 * before.fits / before.covered - 0.5)
+
+
 def test_what_cannot_be_less_is_not_said_to_be_scaled(scatter):
     size = scatter.classes[0].sizes[0]
     size.source_object, size.count = flat("Too Large", 14.0, 12.0), 1

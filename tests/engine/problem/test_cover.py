@@ -107,6 +107,15 @@ def test_less_fits_between_obstacles_the_larger_the_bodies_are():
     assert cover(0.4, 520, obstacles=posts).too_much and not cover(0.4, 400, obstacles=posts).too_much
 
 
+def test_pockets_that_no_body_gets_into_take_none():
+    # Five lanes of 1 m between walls, and 9 m of open ground.
+    walls = [Obstacle(polygon=[(x, 0.0), (x + 1.0, 0.0), (x + 1.0, 20.0), (x, 20.0)]) for x in range(9, 21, 2)]
+    wide, narrow = (cover_of(problem_of(Footprint.disc(radius), 9, obstacles=walls)).fits for radius in (0.55, 0.45))
+    alone = cover_of(problem_of(Footprint.disc(0.55), 9)).fits
+    assert wide == pytest.approx(alone * (9.0 - 0.275) / 14.0, rel=0.02)
+    assert narrow == pytest.approx(alone * (9.0 - 0.225 + 5 * 0.55) / 14.0, rel=0.02)
+
+
 def test_room_and_gap_count_as_covered():
     plain, roomy, apart = (
         cover_of(problem_of(f, 50)).covered for f in (PLANK, Footprints(PLANK, room=2.0), Footprints(PLANK, gap=0.2))
