@@ -36,16 +36,18 @@ class Tree:
     Args:
         name: Of a new group.
         group: One that is built anew instead, from nothing.
+        same_inputs: Whether that one keeps its inputs and outputs: the values that modifiers have for them go by these.
 
     Attributes:
         group: The node group.
         inputs: Its inputs by name, to be linked.
     """
 
-    def __init__(self, name: str, group: bpy.types.NodeTree | None = None) -> None:
+    def __init__(self, name: str, group: bpy.types.NodeTree | None = None, same_inputs: bool = False) -> None:
         if group is not None:
             group.nodes.clear()
-            group.interface.clear()
+            if not same_inputs:
+                group.interface.clear()
         self.group = group or bpy.data.node_groups.new(name, "GeometryNodeTree")
         self.inputs: dict[str, Socket] = {}
         self._rows: dict[int, int] = {}

@@ -50,8 +50,10 @@ def metaballs_on(heads: Sequence[bpy.types.Object]) -> list[str]:
 
 
 def unmeasured(candidates: Iterable[bpy.types.Object], heads: Sequence[bpy.types.Object]) -> list[str]:
-    """Return the names of those of some objects that have to be converted to be placed; what hangs on ``heads`` is placed with these."""
-    found = [item for item in candidates if item.type in CONVERTED and not any(one in heads for one in _ancestors(item))]
+    """Return the names of those of some objects that have to be converted to be placed; what hangs on ``heads`` is not."""
+    found = [
+        item for item in candidates if item.type in CONVERTED and not any(one in heads for one in _ancestors(item))
+    ]
     return sorted(item.name for item in found)
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import bpy
 
 from ..targets.references import Reference
-from .display import followed_targets, our_modifier
-from .node_group import MADE_OF, Followed, Rest, placed_objects
-from .result import NAME, set_node_group
+from .display import followed_targets, get_inputs, our_modifier, set_inputs
+from .node_group import MADE_OF, Followed, Rest, build_node_group, placed_objects
+from .result import NAME
 
 __all__ = ["EmptiedGroup", "empty_group", "fill_group"]
 
@@ -19,7 +19,7 @@ __all__ = ["EmptiedGroup", "empty_group", "fill_group"]
 class EmptiedGroup:
     """What the node group of a result was made of before its parts were taken out; see :func:`empty_group`."""
 
-    item: Reference
+    group: Reference
     name: str
     sources: tuple[Reference, ...]
     classes: tuple[str, ...]
@@ -41,7 +41,7 @@ def empty_group(item: bpy.types.Object) -> EmptiedGroup | None:
         return None
     classes = ast.literal_eval(group[MADE_OF])[0]
     kept = EmptiedGroup(
-        Reference(item, "result"),
+        Reference(group, "group"),
         item.get(NAME, group.name),
         tuple(Reference(source, "source") for source in sources if source is not None),
         tuple(classes),
@@ -53,18 +53,26 @@ def empty_group(item: bpy.types.Object) -> EmptiedGroup | None:
 
 
 def fill_group(kept: EmptiedGroup) -> None:
-    """Make the group of a result what it was before it was emptied, where that is still needed and there."""
-    item = kept.item.find()
-    modifier = our_modifier(item) if isinstance(item, bpy.types.Object) else None
-    if modifier is None or all(node.node_tree is not None for node in _part_nodes(modifier.node_group)):
+    """Make a group what it was before it was emptied, where it is still there, for all that show their objects by it."""
+    group = kept.group.find()
+    if not isinstance(group, bpy.types.NodeTree) or all(node.node_tree is not None for node in _part_nodes(group)):
         return
     sources = [source.find() for source in kept.sources]
     followed = [Followed(target.find(), vertices, over, rest) for target, vertices, over, rest in kept.followed]
     if any(source is None for source in sources) or any(one.target is None for one in followed):
         # The next run makes it anew.
-        modifier.node_group[MADE_OF] = ""
+        group[MADE_OF] = ""
         return
-    set_node_group(modifier, kept.name, sources, kept.classes, followed)
+    found = [our_modifier(item) for item in bpy.data.objects]
+    modifiers = [modifier for modifier in found if modifier is not None and modifier.node_group == group]
+    shown = [get_inputs(modifier) for modifier in modifiers]
+    for modifier in modifiers:
+        modifier.node_group = None
+    # Undo may bring back modifiers whose values go by the inputs that the group has.
+    build_node_group(kept.name, sources, kept.classes, followed, group, same_inputs=True)
+    for modifier, values in zip(modifiers, shown, strict=True):
+        modifier.node_group = group
+        set_inputs(modifier, values)
 
 
 def _part_nodes(group: bpy.types.NodeTree) -> list[bpy.types.Node]:

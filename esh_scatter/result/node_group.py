@@ -103,7 +103,7 @@ def show_input(class_name: str) -> str:
 def target_inputs(count: int) -> list[str]:
     """Return what the inputs are called that name so many targets, in the order of ``esh_target``.
 
-    Blender has a copy of a result follow the copy of its target where both are copied together: of what modifiers name it sees to that.
+    Blender has a copy of a result follow the copy of its target where both are copied together, as of all that modifiers name.
     """
     return ["Target"] if count == 1 else [f"Target {number}" for number in range(1, count + 1)]
 
@@ -205,6 +205,7 @@ def build_node_group(
     classes: Sequence[str] = (),
     followed: Sequence[Followed] = (),
     group: bpy.types.NodeTree | None = None,
+    same_inputs: bool = False,
 ) -> bpy.types.NodeTree:
     """Make a node group that instances ``sources[instance_index]`` on each point, turned and scaled by attributes.
 
@@ -218,24 +219,25 @@ def build_node_group(
         classes: Names of what ``class_index`` counts; each can be hidden by an input.
         followed: What the points follow, in the order of ``esh_target``; nothing leaves them where they are.
         group: An earlier one that becomes this one; None for a new one.
+        same_inputs: Whether that one has the inputs of this one, and keeps them.
     """
     old_parts = parts_of(group) if group is not None else []
-    tree = Tree(name, group)
+    tree = Tree(name, group, same_inputs)
     group = tree.group
     group[RESULT_TAG] = True
     group[MADE_OF] = made_of(classes, followed)
     # It is of use to its own points alone: no entry of Add Modifier.
     group.is_modifier = False
-    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    _take_inputs(tree, classes, len(followed))
+    if not same_inputs:
+        _take_inputs(tree, classes, len(followed))
     tree.begin()
     inputs = tree.inputs
     points = inputs["Geometry"]
     tree.column(1)
     back = tree.add("FunctionNodeCombineMatrix").outputs[0]
     if followed:
-        told = {"points": points, "follow": inputs["Follow"]}
-        told.update({name: inputs[name] for name in target_inputs(len(followed))})
+        taken = ("Follow", *target_inputs(len(followed)))
+        told = {"points": points, **{name: inputs[name] for name in taken}}
         points, follows = tree.part("Follow", lambda part: _follow(part, followed), own=True, **told)
         (back,) = tree.part(WAY_BACK, _way_back, follows=follows)
     rotation = tree.attribute(ROTATION, "QUATERNION")
@@ -280,6 +282,7 @@ def _dots(tree: Tree, points: Socket, index: Socket, scale: Socket) -> Socket:
 
 
 def _take_inputs(tree: Tree, classes: Sequence[str], targets: int) -> None:
+    tree.group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     share = {"min_value": 0.0, "max_value": 1.0, "subtype": "FACTOR"}
     length = {"min_value": 0.0, "subtype": "DISTANCE"}
     tree.take("Geometry", "NodeSocketGeometry")
@@ -411,7 +414,7 @@ def _follow(tree: Tree, followed: Sequence[Followed]) -> list[Socket]:
     # Points that are not tied to the ground have no weights.
     tied = tree.compare("GREATER_THAN", tree.vector("LENGTH", tree.attribute(WEIGHTS, "FLOAT_VECTOR")), 0.0)
     corner, edge, side, weights, mirror, there, any_there = _triangle(tree, followed)
-    follows = tree.both(tree.inputs["follow"], tied, there)
+    follows = tree.both(tree.inputs["Follow"], tied, there)
     tree.column(3)
     (ground,) = tree.part("Ground Point", _ground_now, corner=corner, edge=edge, side=side, weights=weights)
     tree.column(4)
@@ -428,7 +431,7 @@ def _follow(tree: Tree, followed: Sequence[Followed]) -> list[Socket]:
     tree.link(turn.outputs[0], move.inputs["Geometry"])
     tree.link(follows, move.inputs["Selection"])
     tree.link(place, move.inputs["Position"])
-    return [move.outputs[0], tree.both(tree.inputs["follow"], any_there)]
+    return [move.outputs[0], tree.both(tree.inputs["Follow"], any_there)]
 
 
 def _triangle(tree: Tree, followed: Sequence[Followed]) -> list[Socket]:

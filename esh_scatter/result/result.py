@@ -164,12 +164,9 @@ def _take_from_parent(item: bpy.types.Object) -> None:
 
 
 def _shows(item: bpy.types.Object, name: str, sources: Sequence[bpy.types.Object], ingredients: str) -> bool:
-    """Tell whether a result was made with a name, and its node group, which is its alone, shows these objects in this order."""
+    """Tell whether a result was made with a name, and its node group already shows these objects, in this order."""
     groups = [m.node_group for m in item.modifiers if m.type == "NODES" and _is_ours(m.node_group)]
     if item.get(NAME) != name or len(groups) != 1 or groups[0].get(MADE_OF) != ingredients:
-        return False
-    if groups[0].users > 1:
-        # Copies of the result stand where targets stood when those were placed.
         return False
     return placed_objects(groups[0]) == list(sources)
 

@@ -20,6 +20,7 @@ from bpy.app.handlers import persistent
 from ...engine.errors import EshError
 from ..result.real_objects import real_objects_of
 from ..result.refused import as_sentence
+from ..result.replaced_data import Replaced, owned_by
 from ..targets import checksums
 from ..targets.references import Reference
 from . import running
@@ -245,10 +246,13 @@ class _Live:
         result = scatter.result
         if self._shown is not job or result is None:
             groups = {group.session_uid for group in bpy.data.node_groups}
+            before = None if result is None else owned_by(result)
             try:
                 result, _ = job.show(context)
                 if any(group.session_uid not in groups for group in bpy.data.node_groups):
                     _with_new_groups[result.session_uid] = Reference(result, "result")
+                if before is not None and result == scatter.result and not owned_by(result).is_same(before):
+                    _replaced.setdefault(result.session_uid, Replaced(result, before))
             except EshError as error:
                 self._say(as_sentence(error))
                 return
@@ -277,6 +281,8 @@ class _Live:
 # Results with node groups that no undo step may know of yet, by their numbers; and what of them was emptied for an undo.
 _with_new_groups: dict[int, Reference] = {}
 _emptied: list[EmptiedGroup] = []
+# And those that have another mesh or group than the last step knows, because copies use the ones that they had.
+_replaced: dict[int, Replaced] = {}
 
 # What made scatters stop living, by the scene's number and their own, until they live again.
 _stopped: dict[tuple[int, int], str] = {}
@@ -291,6 +297,7 @@ def switched(scatter: Scatter, _context: object) -> None:
     elif scatter.result is not None:
         # The step that the switch makes knows all of it.
         _with_new_groups.pop(scatter.result.session_uid, None)
+        _replaced.pop(scatter.result.session_uid, None)
 
 
 def wake() -> None:
@@ -333,6 +340,7 @@ def end(wait: bool = False) -> None:
     for live in ended:
         live.end()
     _with_new_groups.clear()
+    _replaced.clear()
     _detach()
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
@@ -459,6 +467,8 @@ def _goes_back(*_arguments: object) -> None:
             _with_new_groups.pop(uid)
         elif (emptied := empty_group(result)) is not None:
             _emptied.append(emptied)
+    for replaced in _replaced.values():
+        replaced.put_back()
 
 
 @persistent
@@ -468,6 +478,8 @@ def _went_back(*_arguments: object) -> None:
 
     global _last_sign
     _last_sign = time.monotonic()
+    for uid in [uid for uid, replaced in _replaced.items() if not replaced.take_again()]:
+        _replaced.pop(uid)
     for emptied in _emptied:
         fill_group(emptied)
     _emptied.clear()
@@ -480,6 +492,7 @@ def _file_goes(*_arguments: object) -> None:
     """Another file is opened."""
     _stopped.clear()
     _with_new_groups.clear()
+    _replaced.clear()
     for live in _followed.values():
         live.end()
     _followed.clear()
@@ -505,5 +518,5 @@ def _attach() -> None:
 
 def _detach() -> None:
     for handlers, hook in _hooks():
-        if hook in handlers and not (_with_new_groups and hook in (_goes_back, _went_back)):
+        if hook in handlers and not ((_with_new_groups or _replaced) and hook in (_goes_back, _went_back)):
             handlers.remove(hook)

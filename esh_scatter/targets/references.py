@@ -17,13 +17,18 @@ class Reference:
     """Something in the file, looked up anew whenever it is asked for.
 
     Args:
-        item: An object, a collection or a scene.
+        item: An object, a collection, a scene, a mesh or a node group.
         key: How sentences name it.
     """
 
-    def __init__(self, item: bpy.types.Object | bpy.types.Collection | bpy.types.Scene, key: str) -> None:
+    def __init__(self, item: bpy.types.ID, key: str) -> None:
         self._uid = item.session_uid
-        kinds = {bpy.types.Scene: "scenes", bpy.types.Collection: "collections"}
+        kinds = {
+            bpy.types.Scene: "scenes",
+            bpy.types.Collection: "collections",
+            bpy.types.Mesh: "meshes",
+            bpy.types.NodeTree: "node_groups",
+        }
         self._list = next((name for kind, name in kinds.items() if isinstance(item, kind)), "objects")
         self._name = item.name_full
         self._key = key

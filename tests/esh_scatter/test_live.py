@@ -9,7 +9,9 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter import registration  # noqa: E402
-from esh.esh_scatter.result.node_group import placed_objects  # noqa: E402
+from esh.esh_scatter.result.display import followed_targets, our_modifier  # noqa: E402
+from esh.esh_scatter.result.node_group import MADE_OF, placed_objects  # noqa: E402
+from esh.esh_scatter.result.result import is_copy  # noqa: E402
 from esh.esh_scatter.solving import live  # noqa: E402
 
 
@@ -524,6 +526,39 @@ def test_undo_steps_that_are_older_than_what_was_written_are_followed(scatter, f
     assert len(placed_objects(group)) >= 2 and None not in placed_objects(group)
     shown = bpy.context.evaluated_depsgraph_get()
     assert sum(one.is_instance for one in shown.object_instances) == after
+
+
+@pytest.mark.parametrize("linked", [True, False])
+def test_undo_beside_a_copy_of_the_result_leads_to_nothing_that_is_gone(scatter, follow, linked):
+    """What copies use a result lets be, and takes another mesh and another node group, of which no undo step knows."""
+    switch_on(scatter, follow)
+    bpy.ops.object.select_all(action="DESELECT")
+    active().result.select_set(True)
+    bpy.ops.object.duplicate(linked=linked)
+    # As it is after the file was opened anew.
+    our_modifier(active().result).node_group[MADE_OF] = "[[], [], 0]"
+    bpy.ops.ed.undo_push(message="copied")
+    counts = [len(points())]
+    for count in (220, 240):
+        active().classes["Pine"].sizes[0].count = count
+        bpy.ops.ed.undo_push(message="changed")
+        follow()
+        counts.append(len(points()))
+    undo, redo = bpy.ops.ed.undo, bpy.ops.ed.redo
+    for step, wanted in ((undo, 1), (undo, 0), (redo, 1), (redo, 2)):
+        step()
+        result = active().result
+        assert result.data.as_pointer() in {mesh.as_pointer() for mesh in bpy.data.meshes}
+        assert our_modifier(result).node_group.as_pointer() in {group.as_pointer() for group in bpy.data.node_groups}
+        follow()
+        assert len(points()) == counts[wanted] and not active().outdated
+        (told,) = followed_targets(our_modifier(active().result))
+        assert told.target == active().target
+        copies = [item for item in bpy.context.scene.objects if is_copy(item, active().result)]
+        shown = [
+            one.parent.original for one in bpy.context.evaluated_depsgraph_get().object_instances if one.is_instance
+        ]
+        assert sorted(shown.count(item) for item in copies) == sorted((counts[0], counts[wanted]))
 
 
 def test_another_file_ends_it(scatter, tmp_path, follow):

@@ -114,7 +114,7 @@ def test_why_a_mesh_of_another_file_is_not_painted_on_is_said(scatter, tmp_path)
     bpy.context.scene.collection.objects.link(linked)
     for target in (linked, linked.override_create()):
         scatter.target = target
-        with pytest.raises(RuntimeError, match="belongs to another file. To paint on it, make object and data local"):
+        with pytest.raises(RuntimeError, match=r"belongs to another file\. To paint"):
             bpy.ops.esh.layer_paint(kind="IMAGE")
 
 

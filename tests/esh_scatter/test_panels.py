@@ -633,7 +633,12 @@ def test_of_a_copy_of_a_result_it_is_said_whose_it_is_and_it_can_be_moved():
 
     goes_with = scatter.target.name
     for _ in range(2):
-        assert told()[-4:] == [own, f'It goes with "{goes_with}". Switch Follow off to move it by itself', "Follow", "Target"]
+        assert told()[-4:] == [
+            own,
+            f'It goes with "{goes_with}". Switch Follow off to move it by itself',
+            "Follow",
+            "Target",
+        ]
         # With points of its own, and after a run that gives the result others.
         copy.data = copy.data.copy()
         scatter.classes[0].sizes[0].count += 1

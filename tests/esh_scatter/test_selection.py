@@ -642,5 +642,5 @@ def test_what_cannot_be_placed_is_named(ground):
     light = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
     bpy.context.scene.collection.objects.link(light)
     select(light, ground, active=ground)
-    with pytest.raises(RuntimeError, match='"Lamp" cannot be placed: select meshes$'):
+    with pytest.raises(RuntimeError, match=r'"Lamp" cannot be placed: select meshes$'):
         bpy.ops.esh.scatter_selection()
