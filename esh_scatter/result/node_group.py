@@ -236,9 +236,8 @@ def build_node_group(
     tree.column(1)
     back = tree.add("FunctionNodeCombineMatrix").outputs[0]
     if followed:
-        taken = ("Follow", *target_inputs(len(followed)))
-        told = {"points": points, **{name: inputs[name] for name in taken}}
-        points, follows = tree.part("Follow", lambda part: _follow(part, followed), own=True, **told)
+        told = {name: inputs[name] for name in ("Follow", *target_inputs(len(followed)))}
+        points, follows = tree.part("Follow", lambda part: _follow(part, followed), own=True, points=points, **told)
         (back,) = tree.part(WAY_BACK, _way_back, follows=follows)
     rotation = tree.attribute(ROTATION, "QUATERNION")
     tree.column(2)
