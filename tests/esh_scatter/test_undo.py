@@ -178,6 +178,9 @@ def make_ready(name):
         tree.vertices[0].co.z, tree.vertices[2].co.z = -1.0, 1.0
         tree.update()
         bpy.context.view_layer.update()
+    elif name == "obstacle_add":
+        # What is placed cannot be an obstacle, and an entry with nothing chosen yet is added where nothing is selected.
+        bpy.ops.object.select_all(action="DESELECT")
     elif name == "variants_list":
         scatter.classes[0].sizes[1].variants.clear()
 
