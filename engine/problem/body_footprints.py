@@ -206,8 +206,7 @@ def _footprints(problem: Problem) -> BodyFootprints:
             slopes += [] if known else [given.slope]
             share_seen += [] if known else [in_cells(level_share(given.slope), GRID)]
             # Mean of what slopes leave of areas as they are seen from above, where a density is.
-            weight = in_cells(body_class.density_image, GRID)
-            seen[own] = np.average(share_seen[which], weights=weight)
+            seen[own] = np.average(share_seen[which], weights=in_cells(body_class.density_image, GRID))
         most_tilt[own] = given.tilt
         seen[own] *= mean_cosine(given.tilt)
     return BodyFootprints(
