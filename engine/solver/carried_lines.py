@@ -41,7 +41,9 @@ def _length_factors(old: Model, factor: np.ndarray, model: Model) -> np.ndarray:
     """Factors on lengths for the blocks of another model with as many kinds: every block has that of the one at its place."""
     kinds = len(model.kinds)
     before, start = length_blocks(old), kinds
-    result = [factor[:kinds]]
+    # Lengths that no force changes have no pressure to make up for.
+    pressed = [kind.line.stretch_weights[0] > 0.0 for kind in model.kinds]
+    result = [np.where(pressed, factor[:kinds], 1.0).astype(np.float32)]
     for kind, (rows, columns) in enumerate(length_blocks(model)):
         height, width = before[kind]
         stored = factor[start : start + height * width].reshape(height, width)

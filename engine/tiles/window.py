@@ -255,7 +255,9 @@ def relax(
         with times.of("set-up"):
             beyond = beyond_of(plan, box, len(bodies), room.margin, launcher)
         if beyond is not None:
-            bodies = _with_beyond(plan, box, bodies, free, length_factor, demand, steps, first, beyond, launcher, times)
+            bodies, length_factor = _with_beyond(
+                plan, box, bodies, free, length_factor, demand, steps, first, beyond, launcher, times
+            )
             smooth = replace(room, smooth=SMOOTH_OVER_SPACING)
             bodies, _ = _settle(plan, smooth, bodies, free, length_factor, demand, SMOOTH_STEPS, False, launcher, times)
             steps = STEPS_WITHIN
@@ -388,12 +390,12 @@ def _with_beyond(
     beyond: Beyond,
     launcher: Launcher,
     times: PartTimes,
-) -> PartBodies:
-    """Bodies of a window that settled as if others stood beyond its natural borders; see :mod:`.beyond`."""
+) -> tuple[PartBodies, np.ndarray]:
+    """Bodies of a window that settled as if others stood beyond its natural borders, see :mod:`.beyond`; and as :func:`relax`."""
     seed = [plan.problem.seed, 11, *(int(np.floor(x / plan.spacing)) & 0xFFFFFFFF for x in beyond.box.low)]
     identity = beyond.numbers(plan, demand, seed)
     if not len(identity):
-        return bodies
+        return bodies, length_factor
     with times.of("start"):
         others = _started(
             plan, beyond.box, identity, int(random_shares(np.zeros(1), seed)[0] * 2**31), launcher, beyond.added
@@ -404,8 +406,8 @@ def _with_beyond(
     everybody = PartBodies.joined([bodies, others])
     waved = both if first else both & (order >= len(bodies))
     everybody = everybody.at(beyond.sheared(plan, everybody.position, waved))
-    settled, _ = _settle(plan, room, everybody, both, length_factor, demand, steps, False, launcher, times)
-    return kept_within(plan, box, bodies, settled, order, both, beyond)
+    settled, length_factor = _settle(plan, room, everybody, both, length_factor, demand, steps, False, launcher, times)
+    return kept_within(plan, box, bodies, settled, order, both, beyond), length_factor
 
 
 def _descend(descent: Descent, steps: int) -> None:
@@ -502,21 +504,26 @@ class _LengthFactors:
     Attributes:
         layer: Sizes of lines that are here, in the order of the model's kinds.
         blocks: How many blocks each has.
+        pressed: Whether forces change their lengths; else the factors are 1 here.
     """
 
     layer: np.ndarray
     blocks: list[int]
+    pressed: list[bool]
 
     @classmethod
     def of(cls, plan: Plan, model: Model, present: np.ndarray) -> _LengthFactors:
         """Those of a model that has the groups ``present``."""
         lines = [g for g in present.tolist() if plan.groups.sizes[g].line is not None]
-        return cls(np.unique(plan.groups.layer[lines]), [rows * columns for rows, columns in length_blocks(model)])
+        pressed = [kind.line.stretch_weights[0] > 0.0 for kind in model.kinds]
+        blocks = [rows * columns for rows, columns in length_blocks(model)]
+        return cls(np.unique(plan.groups.layer[lines]), blocks, pressed)
 
     def give(self, factor: np.ndarray, state: State) -> None:
         """Let a state begin with the factors of all sizes."""
         if len(self.layer):
-            first = np.concatenate([factor[self.layer], np.repeat(factor[self.layer], self.blocks)])
+            own = np.where(self.pressed, factor[self.layer], 1.0)
+            first = np.concatenate([own, np.repeat(own, self.blocks)])
             state.length_factor.assign(first.astype(np.float32))
 
     def taken(self, state: State, factor: np.ndarray) -> np.ndarray:
@@ -525,7 +532,8 @@ class _LengthFactors:
         factor = factor.copy()
         ends = len(self.layer) + np.cumsum([0, *self.blocks])
         for k, layer in enumerate(self.layer.tolist()):
-            factor[layer] = reached[ends[k] : ends[k + 1]].mean() if self.blocks[k] else reached[k]
+            if self.pressed[k]:
+                factor[layer] = reached[ends[k] : ends[k + 1]].mean() if self.blocks[k] else reached[k]
         return factor
 
 

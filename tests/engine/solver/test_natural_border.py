@@ -245,6 +245,22 @@ def test_lines_keep_their_directions_and_lengths(density):
         assert (end > -1e-3).all() and (end < np.array([40.0, 30.0]) + 1e-3).all()
 
 
+@pytest.mark.parametrize(("count", "length"), [(30, 2.0), (400, 0.8)])
+@pytest.mark.parametrize("others", [0, 500])
+def test_lines_far_apart_keep_their_lengths(count, length, others):
+    """What holds against their own charges, which is many times their length, made nothing of them once others were gone."""
+    classes = [esh.BodyClass("log", [esh.Size("s", area=0.1, count=count, line=esh.Line(length, direction=0.7))])]
+    if others:
+        classes.append(esh.BodyClass("dot", [esh.Size("s", area=0.1, count=others)]))
+    problem = esh.Problem(esh.Domain((40.0, 30.0), "natural"), classes, seed=1)
+    with esh.Solver(problem, device="cpu") as solver:
+        solver.run(100)
+        for _ in range(2):
+            placement = solver.placement()
+            assert placement.length[placement.class_index == 0] == pytest.approx(np.full(count, length), rel=0.1)
+            solver.edit(problem)
+
+
 def test_lines_of_images_of_directions_and_lengths():
     """What is kept lies as the images say where it is, not where it was in the larger domain."""
     row, column = (np.indices((30, 40)) + 0.5) / [[[30]], [[40]]]
