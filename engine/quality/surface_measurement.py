@@ -29,6 +29,12 @@ NEIGHBORS = 2.0
 CELLS = 128
 # Where a smaller share of the typical number of bodies is asked for, those that stand there belong beside it.
 NEXT_TO_NONE = 0.02
+# A class of far fewer bodies than there are in all is measured on a mesh for fewer: each is for a quarter of those of the one before,
+# and for so many times as many as the class has at least. Heat spreads by more steps the wider its spacing is beside that of a mesh.
+# Measured on 3 bodies among 2,000 on a tube of 192 slivers: on the mesh for all their error is .0024 after 49 s, on that for 125 .0022
+# after 0.6 s, on one for 7 .0029; on well-shaped triangles it is .0021 on all of these.
+FEWER = 4
+LEAST_OF_MESH = 16
 
 
 class SurfaceFigures(NamedTuple):
@@ -70,7 +76,9 @@ def _coverage_errors(placement: Placement, bodies: BodiesOnSurface, launcher: La
     """Coverage errors of all classes, and of all bodies together."""
     problem, area, class_index = placement.problem, placement.area, placement.class_index
     assert isinstance(problem.domain, Surface)
-    mesh = HeatMesh(launcher, problem.domain, len(area))
+    n = len(area)
+    mesh = HeatMesh(launcher, problem.domain, n)
+    meshes = {n: mesh}
     last = np.searchsorted(class_index, np.arange(len(problem.classes)), side="right")
     targets, charges, totals, errors = [], [], [], []
     for k, body_class in enumerate(problem.classes):
@@ -81,12 +89,26 @@ def _coverage_errors(placement: Placement, bodies: BodiesOnSurface, launcher: La
         targets.append(mesh.target(density, standing))
         charges.append(mesh.charges(bodies.triangle[own], bodies.barycentric[own], area[own]))
         totals.append(float(area[own].sum()))
-        errors.append(mesh.error(charges[k], totals[k], targets[k], body_class.body_count))
+        count = _count_of_mesh(body_class.body_count, n)
+        if count not in meshes:
+            meshes[count] = HeatMesh(launcher, problem.domain, count)
+        charge, target, coarser = charges[k], targets[k], meshes[count]
+        if coarser is not mesh:
+            charge = coarser.charges(bodies.triangle[own], bodies.barycentric[own], area[own])
+            target = coarser.target(density, standing)
+        errors.append(coarser.error(charge, totals[k], target, body_class.body_count))
     if len(errors) == 1:
         return errors, errors[0]
     amount = np.array([sum((s.count or 0) * s.mean_area for s in c.sizes) for c in problem.classes])
     target, charge = mesh.mixed(targets, (amount / amount.sum()).tolist()), mesh.mixed(charges, [1.0] * len(charges))
-    return errors, mesh.error(charge, sum(totals), target, len(area))
+    return errors, mesh.error(charge, sum(totals), target, n)
+
+
+def _count_of_mesh(count: int, most: int) -> int:
+    """For how many bodies the mesh is made on which ``count`` of ``most`` are measured."""
+    while most // FEWER >= LEAST_OF_MESH * max(count, 1):
+        most //= FEWER
+    return most
 
 
 def _spacing(placement: Placement, bodies: BodiesOnSurface, launcher: Launcher) -> tuple[float, float, float] | None:
