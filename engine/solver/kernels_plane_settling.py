@@ -7,10 +7,14 @@ import warp as wp
 from ..space.kernels_images import Images
 from ..space.kernels_mesh import Mesh, nearest_node
 from ..space.kernels_space import Space, difference, number_repeated
-from .kernels_descent import Bodies, confine_line, slide
+from .kernels_descent import PINNED, Bodies, confine_line, slide
 from .kernels_settling import bin_of_way
 
 wp.set_module_options({"enable_backward": False})
+
+# How far those that share a corner go into the space, over how far a step may lead there; and what shares out the directions.
+LEAVE = wp.constant(0.2)
+GOLDEN = wp.constant(0.6180340)
 
 
 @wp.struct
@@ -147,3 +151,64 @@ def bring_back(
         pose[i] = confine_line(at, wanted, begin, end, bodies, bend, bodies.support[i], images, space)
     shift = difference(here, wp.vec2(pose[i][0], pose[i][1]), space)
     displacement[i] = displacement[i] + wp.vec4(shift[0], shift[1], 0.0, 0.0)
+
+
+@wp.func
+def corner_at(position: wp.vec2, space: Space):
+    """Number of the corner of a space that a position lies in, exactly; -1 for none, as where it repeats itself."""
+    right = position[0] >= space.size[0]
+    upper = position[1] >= space.size[1]
+    if space.periodic != 0 or not (right or position[0] <= 0.0) or not (upper or position[1] <= 0.0):
+        return -1
+    return int(right) + 2 * int(upper)
+
+
+@wp.kernel
+def claim_corners(
+    first: int,
+    pose: wp.array(dtype=wp.vec4),
+    space: Space,
+    bodies: Bodies,
+    # outputs
+    owner: wp.array(dtype=wp.int32),
+):
+    """Find who of those in a corner stays there: one that is pinned (-1), or else the first; ``owner`` holds large numbers before."""
+    i = first + wp.tid()
+    corner = corner_at(wp.vec2(pose[i][0], pose[i][1]), space)
+    if corner >= 0:
+        claim = i
+        if (bodies.flags[i] & PINNED) != 0:
+            claim = -1
+        wp.atomic_min(owner, corner, claim)
+
+
+@wp.kernel
+def leave_corners(
+    first: int,
+    owner: wp.array(dtype=wp.int32),
+    reach: Reach,
+    space: Space,
+    bodies: Bodies,
+    images: Images,
+    # outputs
+    pose: wp.array(dtype=wp.vec4),
+    displacement: wp.array(dtype=wp.vec4),
+    charge_position: wp.array(dtype=wp.vec2),
+):
+    """Move dots that stand in a corner with another one a little into the space, each to a place of its own."""
+    i = first + wp.tid()
+    at = pose[i]
+    here = wp.vec2(at[0], at[1])
+    corner = corner_at(here, space)
+    if corner < 0 or bodies.kind[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
+        return
+    if owner[corner] == i:
+        return
+    share = float(i) * GOLDEN
+    share = share - wp.floor(share)
+    way = wp.vec2(share, 1.0 - share) * (LEAVE * reach.limit[nearest_node(here, reach.mesh)])
+    inwards = wp.vec2(1.0 - 2.0 * float(corner % 2), 1.0 - 2.0 * float(corner / 2))
+    new = slide(here, here + wp.cw_mul(way, inwards), bodies.support[i], images, space)
+    pose[i] = wp.vec4(new[0], new[1], at[2], at[3])
+    charge_position[bodies.first_charge[i]] = new
+    displacement[i] = displacement[i] + wp.vec4(new[0] - here[0], new[1] - here[1], 0.0, 0.0)

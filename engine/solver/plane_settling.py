@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import warp as wp
 
+from ..device.launcher import Recording
 from . import kernels_plane_settling
 from .carried_over import CarriedInPlane
 from .descent import Descent
@@ -27,6 +28,8 @@ FREE_FOR_EACH = 2.2
 # to 1.31, and 1.13 to 1.24. Discs: 1.03 to 1.26. Of those far from the stroke .80 to .83 stay.
 FEW_BODIES, MANY_BODIES = 5_000, 200_000
 OF_FEW, OF_SOME = Schedule(24, 6, 0.203), (3, 0.203)
+
+CORNERS = 4
 
 
 def settle_in_plane(descent: Descent, carried: CarriedInPlane, steps: int) -> None:
@@ -60,6 +63,37 @@ class _HeldInPlane(Held):
         start = wp.clone(descent.state.pose)
         cells = self._near(carried.changes, CELL_OVER_SPACING * math.sqrt(width * height / model.body_count))
         self._where = [start, carried.sources, cells, where, model.space.for_kernels()]
+        self._owner = descent.launcher.empty(CORNERS, wp.int32)
+        self._has_corners = descent.has_dots and not model.space.periodic
+        if self._has_corners:
+            self._leave_corners()
+
+    def take_steps(self, step: Recording, count: int) -> None:
+        """See :meth:`.Held.take_steps`."""
+        if not self._has_corners:
+            step.play(count)
+            return
+        for _ in range(count):
+            step.play()
+            self._leave_corners()
+
+    def _leave_corners(self) -> None:
+        """Part dots that have come to the same corner: they would feel the same forces for good, and none of each other."""
+        descent, launcher = self._descent, self._descent.launcher
+        self._owner.fill_(self.body_count)
+        *_, where, space = self._where
+        launcher.launch(
+            kernels_plane_settling.claim_corners,
+            self.body_count,
+            [descent.state.pose, space, descent.bodies],
+            [self._owner],
+        )
+        launcher.launch(
+            kernels_plane_settling.leave_corners,
+            self.body_count,
+            [self._owner, where, space, descent.bodies, descent.images],
+            [descent.state.pose, descent.state.displacement, descent.charge_position],
+        )
 
     def count_moved(self, moved: wp.array) -> None:
         """See :meth:`.Held.count_moved`."""

@@ -70,6 +70,10 @@ class Held(Protocol):
     schedule: Schedule
     most_free: float
 
+    def take_steps(self, step: Recording, count: int) -> None:
+        """Take so many steps of all bodies."""
+        step.play(count)
+
     def count_moved(self, moved: wp.array) -> None:
         """Count how many that are near a change have moved how far; see :mod:`.kernels_settling`."""
 
@@ -87,9 +91,9 @@ def settle(launcher: Launcher, step: Recording, held: Held, steps: int) -> None:
         steps: How many to take behind those in which bodies settle.
     """
     moved = launcher.empty((launcher.thread_count, kernels_settling.BINS), wp.int32)
-    step.play(held.schedule.settling)
+    held.take_steps(step, held.schedule.settling)
     for _ in range(held.schedule.held + steps):
-        step.play()
+        held.take_steps(step, 1)
         moved.zero_()
         held.count_moved(moved)
         held.bring_back(_free_from(moved.numpy(), held.most_free))

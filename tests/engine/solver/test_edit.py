@@ -609,3 +609,15 @@ def test_a_solver_is_made_where_bodies_are(domain):
         np.testing.assert_array_equal(made.placement().position, asked.placement().position)
     with pytest.raises(ProblemError, match="`position` must hold"):
         Solver(problem, device="cpu", at={"position": position[1:]})
+
+
+def test_those_who_come_to_one_corner_part_again():
+    """Steps keep dots within the domain; two that went beyond a corner stood in it, and in one place for good."""
+    place = np.random.default_rng(0).uniform(10.0, 54.0, (60, 2))
+    place[:3], place[3:5] = 0.0, 64.0
+    with Solver(problem_of(np.ones((1, 1), np.float32), 60), device="cpu") as solver:
+        solver.start_at(place)
+        solver.edit(problem_of(np.ones((1, 1), np.float32), 61))
+        position = solver.placement().position
+    apart, _ = cKDTree(position).query(position, 2)
+    assert apart[:, 1].min() > 0.1
