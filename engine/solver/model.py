@@ -48,9 +48,10 @@ NEARLY = 1.15
 
 @dataclass(frozen=True, eq=False)
 class LineKind:
-    """A size whose bodies are lines: its class and what they are to do."""
+    """A size whose bodies are lines: its class, its name and what they are to do."""
 
     body_class: PreparedClass
+    size_name: str
     line: Line
 
 
@@ -138,7 +139,9 @@ class Model:
         sizes = [(c, size) for c in problem.classes for size in c.sizes]
         counts = [size.count or 0 for _, size in sizes]
         is_line = [size.line is not None for _, size in sizes]
-        self.kinds = tuple(LineKind(c, _rules_of(size.line, c, problem)) for c, size in sizes if size.line is not None)
+        self.kinds = tuple(
+            LineKind(c, size.name, _rules_of(size.line, c, problem)) for c, size in sizes if size.line is not None
+        )
         kind = np.where(is_line, np.cumsum(is_line) - 1, -1)
         longest = np.array([size.kind.longest for _, size in sizes])
         self.groups: Groups = groups or group_bodies(problem)

@@ -27,7 +27,7 @@ from ..surface import kernels_facets
 from ..surface.facets import Facets
 from ..surface.parts import joined_parts
 from . import kernels_on_surface, kernels_surface_bends, kernels_surface_lines
-from .carried_lines import carry_bends
+from .carried_lines import carry_lines
 from .contact import keeps_apart
 from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels
 from .direction import ANY_STRETCH, Direction
@@ -467,7 +467,7 @@ class SurfaceDescent:
         came = np.flatnonzero((source >= 0) & (self.model.body.kind >= 0))
         if len(came):
             self._lay(came, before.axis.numpy()[source[came]] * (old.unit / self.model.unit))
-        carry_bends(old, before.bend, self.model, self.state.bend, source)
+        carry_lines(old, before, self.model, self.state, source)
         outlined = np.flatnonzero((source >= 0) & self.model.footprints.is_outline & ~self.model.fixed)
         outlined = outlined[old.footprints.is_outline[source[outlined]]]
         if len(outlined):

@@ -476,6 +476,18 @@ def test_edits_leave_nothing_behind():
     assert tables < 10
 
 
+def test_lines_keep_their_lengths_where_a_class_of_lines_comes():
+    """What holds against their own charges was forgotten: lines of 0.8 m were 1.02 m long."""
+    logs = BodyClass("log", [Size("a", 0.05, 100, line=Line(0.8, direction=0.7))])
+    sticks = BodyClass("stick", [Size("a", 0.05, 40, line=Line(0.8, direction="none"))])
+    domain = Domain((40.0, 30.0))
+    with Solver(Problem(domain, [logs], seed=1), device="cpu") as solver:
+        solver.run(100)
+        solver.edit(Problem(domain, [sticks, logs], seed=1))
+        placement = solver.placement()
+    assert np.median(placement.length[placement.class_index == 1]) == pytest.approx(0.8, rel=0.1)
+
+
 def test_what_lengths_were_pressed_by_is_known_after_an_edit():
     """Block by block, also where there are more blocks than before, and where there were none: a number in an even density."""
     wanted = np.tile(np.linspace(1.0, 3.0, 40), (30, 1))

@@ -320,6 +320,21 @@ def test_an_edit_leaves_lines_as_long_and_as_bent_as_they_were():
         np.testing.assert_allclose(after.bends[j], before.bends[i], atol=1e-4)
 
 
+def test_lines_far_apart_are_as_long_as_asked_after_an_edit():
+    """What holds against their own charges was forgotten: they came to be twice as long."""
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    surface = esh.Surface(esh.SurfaceMesh(ball.vertices, ball.faces))
+
+    def problem(count):
+        size = esh.Size("a", 0.002, count, line=esh.Line(0.12, direction="none"))
+        return esh.Problem(surface, [esh.BodyClass("stick", [size])], seed=1)
+
+    with esh.Solver(problem(40), device="cpu") as solver:
+        solver.run(100)
+        solver.edit(problem(42))
+        assert solver.placement().length == pytest.approx(np.full(42, 0.12), rel=0.15)
+
+
 def test_what_lines_cannot_do_on_a_surface_is_said():
     def asked(domain=None, direction="none", length=0.2, **line):
         size = esh.Size("stick", 0.01, 9, line=esh.Line(length, direction, width=0.05, **line))
