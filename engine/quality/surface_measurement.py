@@ -31,8 +31,8 @@ CELLS = 128
 NEXT_TO_NONE = 0.02
 # A class of far fewer bodies than there are in all is measured on a mesh for fewer: each is for a quarter of those of the one before,
 # and for so many times as many as the class has at least. Heat spreads by more steps the wider its spacing is beside that of a mesh.
-# Measured on 3 bodies among 2,000 on a tube of 192 slivers: on the mesh for all their error is .0024 after 49 s, on that for 125 .0022
-# after 0.6 s, on one for 7 .0029; on well-shaped triangles it is .0021 on all of these.
+# Measured on 3 bodies among 2,000 on a tube of 192 slivers: on meshes for 2,003, 500 and 125 bodies their errors differ by .1 percent,
+# on one for 7 by 2, and take 1.4, .4 and .2 s.
 FEWER = 4
 LEAST_OF_MESH = 16
 
