@@ -34,7 +34,7 @@ __all__ = ["read_array", "read_color", "read_density"]
 
 # A square of 16384: more than any texture, and 4 GB of work already. A file of a few bytes can claim any size.
 MOST_PIXELS = 2**28
-ACCEPTED = "a density is a PNG, JPEG, EXR or .npy file"
+ACCEPTED = "an image is a PNG, JPEG, EXR or .npy file"
 SAVE_AGAIN = "save or copy it again"
 # Tag of how a photograph is to be turned.
 EXIF_ORIENTATION = 0x0112

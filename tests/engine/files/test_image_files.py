@@ -154,7 +154,7 @@ def test_damaged_exr(tmp_path, capfd):
     whole = path.read_bytes()
     for damaged in (b"", b"not an image", whole[:30], whole[: len(whole) // 2], whole[:-5]):
         path.write_bytes(damaged)
-        with pytest.raises(InputFileError, match=r"image\.exr .*a density is a PNG, JPEG, EXR or \.npy file"):
+        with pytest.raises(InputFileError, match=r"image\.exr .*an image is a PNG, JPEG, EXR or \.npy file"):
             read_density(path, False)
     assert capfd.readouterr() == ("", "")
 

@@ -201,7 +201,7 @@ MISTAKES = {
         "must be the name of an image file or a number above 0; got True",
     ),
     "density list": ("density = 0.5", "density = [1]", "must be the name of an image file or a number above 0"),
-    "density absent": ('"pine.png"', '"pin.png"', "pin.png does not exist; a density is a PNG, JPEG, EXR or .npy file"),
+    "density absent": ('"pine.png"', '"pin.png"', "pin.png does not exist; an image is a PNG, JPEG, EXR or .npy file"),
     "density of a kind": ('"pine.png"', '"pine.gif"', "got the ending '.gif'"),
     "invert text": (
         "invert = true",
