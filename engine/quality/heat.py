@@ -40,6 +40,10 @@ MOST_SLOWED = 0.01
 # Triangles as low as this, over the side below, are slivers, among which it may be less.
 SLIVER = 1.0 / 16.0
 MOST_SLOWED_OF_SLIVERS = 0.002
+# Where triangles are small enough, slivers matter that are so many times as long as they have to be. Measured on a lattice of 1,980
+# bodies: among scattered slivers that are shorter, errors are right to 3 percent; in a row of those that are as long as the domain is
+# wide they are two to three times as high.
+LONG = 4.0
 # Where no larger share of the area lies within a spacing of slivers, they are left as they are. Measured on spheres with one: with a
 # share of .0006 errors are a twentieth too high, with .0012 up to two thirds.
 FEW_SLIVERS = 5e-4
@@ -80,11 +84,13 @@ class HeatMesh:
         self._triangles = split_triangles(surface, LONGER * max(typical, finest), small)
         cuts = max(1, min(math.ceil(typical / finest), int(math.sqrt(small / len(self._triangles)))))
         most_slowed = MOST_SLOWED
-        if small == FEWEST and self._triangles.beside_slivers(SLIVER, self.spacing) > FEW_SLIVERS:
+        longer = 0.0 if cuts > 1 else LONG * finest
+        if small == FEWEST and self._triangles.beside_slivers(SLIVER, self.spacing, longer) > FEW_SLIVERS:
             # Even parts of a sliver lie in rows along it, so fine that heat is slowed across each; together they are a wall. Where
             # more triangles are needed they are left, as others take too long.
-            self._triangles, cuts = even_triangles(surface, finest, small), 1
-            most_slowed = MOST_SLOWED_OF_SLIVERS
+            even = even_triangles(surface, finest, small)
+            if not even.is_whole:
+                self._triangles, cuts, most_slowed = even, 1, MOST_SLOWED_OF_SLIVERS
         triangles = len(self._triangles)
         self._steps, self._pattern = _cut_evenly(cuts)
         self._cut, self._count = _vertices_of(launcher, self._triangles.sides, self._steps, self._pattern)

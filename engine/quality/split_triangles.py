@@ -126,14 +126,14 @@ class SplitTriangles:
         area = 0.5 * np.abs(first * fourth - second * third)
         return SplitTriangles(flat, area, sides_of(vertex), self._wholes, (*self._steps, *flips))
 
-    def beside_slivers(self, lowest: float, width: float) -> float:
+    def beside_slivers(self, lowest: float, width: float, longer: float = 0.0) -> float:
         """Share of the area that lies within a width [m] of slivers, about: triangles as low as this over the longest side.
 
-        Those of which two corners are one are none.
+        Of slivers with longer sides than asked for [m]. Those of which two corners are one are none.
         """
         is_flat = (self.sides.start == self.sides.end).reshape(-1, 3).any(axis=1)
         longest = _lengths(self).max(axis=1)
-        slivers = ~is_flat & (2.0 * self.area < lowest * longest**2)
+        slivers = ~is_flat & (2.0 * self.area < lowest * longest**2) & (longest > longer)
         return float(longest[slivers].sum()) * width / float(self.area.sum())
 
     def _after(self, one: _Pass, vertex: np.ndarray) -> SplitTriangles:

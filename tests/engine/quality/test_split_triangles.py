@@ -123,6 +123,7 @@ def test_slivers_are_weighed_by_their_length():
     assert parts.is_whole
     assert parts.beside_slivers(1.0 / 16.0, 0.001) == pytest.approx(200 * 1.0 * 0.001, rel=1e-3)
     assert parts.beside_slivers(1.0 / 200.0, 0.001) == 0.0
+    assert parts.beside_slivers(1.0 / 16.0, 0.001, 0.9) > 0.0 == parts.beside_slivers(1.0 / 16.0, 0.001, 1.1)
 
 
 def test_nothing_is_split_where_all_sides_are_short_and_few_where_few_are_allowed():
