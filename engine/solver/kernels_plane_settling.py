@@ -6,7 +6,7 @@ import warp as wp
 
 from ..space.kernels_images import Images
 from ..space.kernels_mesh import Mesh, nearest_node
-from ..space.kernels_space import Space, difference, number_repeated
+from ..space.kernels_space import Space, difference, number_repeated, overhang
 from .kernels_descent import PINNED, Bodies, confine_line, slide
 from .kernels_settling import bin_of_way
 
@@ -155,10 +155,10 @@ def bring_back(
 
 @wp.func
 def corner_at(position: wp.vec2, space: Space):
-    """Number of the corner of a space that a position lies in, exactly; -1 for none, as where it repeats itself."""
-    right = position[0] >= space.size[0]
-    upper = position[1] >= space.size[1]
-    if space.periodic != 0 or not (right or position[0] <= 0.0) or not (upper or position[1] <= 0.0):
+    """Number of the corner of a space with edges that a position lies in, exactly; -1 for none."""
+    beyond = overhang(position, space)
+    right, upper = beyond[2] >= 0.0, beyond[3] >= 0.0
+    if not (right or beyond[0] >= 0.0) or not (upper or beyond[1] >= 0.0):
         return -1
     return int(right) + 2 * int(upper)
 

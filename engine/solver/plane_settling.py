@@ -64,7 +64,7 @@ class _HeldInPlane(Held):
         cells = self._near(carried.changes, CELL_OVER_SPACING * math.sqrt(width * height / model.body_count))
         self._where = [start, carried.sources, cells, where, model.space.for_kernels()]
         self._owner = descent.launcher.empty(CORNERS, wp.int32)
-        self._has_corners = descent.has_dots and not model.space.periodic
+        self._has_corners = descent.has_dots and model.space.has_edges
         if self._has_corners:
             self._leave_corners()
 
