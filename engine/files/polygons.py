@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-__all__ = ["are_concave", "cut_concave", "ears", "outlines_of", "triangles_of"]
+__all__ = ["cut_concave", "triangles_of"]
 
 # Corners of a polygon on which the outline turns back by less than this share of a right angle lie on a straight side.
 STRAIGHT = 1e-9
@@ -27,9 +27,8 @@ def triangles_of(index: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     fan = np.stack([np.zeros_like(later), later, later + 1], axis=1)
     result = np.tile(fan, (len(index), 1, 1))
     if count > 3:
-        outlines = outlines_of(index, vertices)
-        for place in np.flatnonzero(are_concave(outlines)).tolist():
-            result[place] = list(ears(outlines[place]))
+        for place, triangles in _cut(index, vertices):
+            result[place] = triangles
     return result
 
 
@@ -49,13 +48,19 @@ def cut_concave(index: Sequence[Sequence[int]], vertices: np.ndarray) -> dict[in
             of_count.setdefault(len(corners), []).append(number)
     cut = {}
     for own in of_count.values():
-        outlines = outlines_of(np.array([index[number] for number in own]), vertices)
-        for place in np.flatnonzero(are_concave(outlines)).tolist():
-            cut[own[place]] = list(ears(outlines[place]))
+        alike = np.array([index[number] for number in own])
+        cut.update({own[place]: triangles for place, triangles in _cut(alike, vertices)})
     return cut
 
 
-def outlines_of(index: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+def _cut(index: np.ndarray, vertices: np.ndarray) -> Iterator[tuple[int, list[tuple[int, int, int]]]]:
+    """Places of the concave ones of polygons of equally many corners, and their triangles."""
+    outlines = _outlines_of(index, vertices)
+    for place in np.flatnonzero(_are_concave(outlines)).tolist():
+        yield place, list(_ears(outlines[place]))
+
+
+def _outlines_of(index: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """Corners of polygons in the planes that they lie in most nearly, against the clock; not finite of what is none.
 
     Args:
@@ -81,7 +86,7 @@ def _turn(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
 
 
-def are_concave(outlines: np.ndarray) -> np.ndarray:
+def _are_concave(outlines: np.ndarray) -> np.ndarray:
     """Which polygons turn back anywhere, shape ``[m]``."""
     side = np.roll(outlines, -1, axis=1) - outlines
     long = np.linalg.norm(side, axis=2)
@@ -90,7 +95,7 @@ def are_concave(outlines: np.ndarray) -> np.ndarray:
     return back.any(axis=1)
 
 
-def ears(outline: np.ndarray) -> Iterator[tuple[int, int, int]]:
+def _ears(outline: np.ndarray) -> Iterator[tuple[int, int, int]]:
     """Corners of triangles that make up a polygon: each cuts off an ear, in which no other corner lies."""
     left = list(range(len(outline)))
     while len(left) > 3:
