@@ -196,12 +196,13 @@ def made_of(classes: Sequence[str], followed: Sequence[Followed]) -> str:
 
     How targets stand is not part of it: see :func:`put_at_rest`.
     """
-    return repr([list(classes), [(one.target.session_uid, one.vertices, one.mirrored) for one in followed], LAYOUT])
+    told = [(one.target and one.target.session_uid, one.vertices, one.mirrored) for one in followed]
+    return repr([list(classes), told, LAYOUT])
 
 
 def build_node_group(
     name: str,
-    sources: Sequence[bpy.types.Object | bpy.types.Collection],
+    sources: Sequence[bpy.types.Object | bpy.types.Collection | None],
     classes: Sequence[str] = (),
     followed: Sequence[Followed] = (),
     group: bpy.types.NodeTree | None = None,
@@ -215,7 +216,7 @@ def build_node_group(
 
     Args:
         name: Of the group.
-        sources: What ``instance_index`` counts.
+        sources: What ``instance_index`` counts; None for what is gone.
         classes: Names of what ``class_index`` counts; each can be hidden by an input.
         followed: What the points follow, in the order of ``esh_target``; nothing leaves them where they are.
         group: An earlier one that becomes this one; None for a new one.
@@ -587,11 +588,11 @@ def _display(tree: Tree, limited: Socket) -> Socket:
     return tree.switch("INT", limited, 0, menu.outputs[0])
 
 
-def kind_of(source: bpy.types.Object | bpy.types.Collection) -> str:
+def kind_of(source: bpy.types.Object | bpy.types.Collection | None) -> str:
     """Return what the part of a group is called that places something; all of a kind are placed alike, but for families."""
     if isinstance(source, bpy.types.Collection):
         return _COLLECTION if head_of(source) is None else FAMILY
-    return _OBJECT if shown_collection(source) is None else _EMPTY
+    return _OBJECT if source is None or shown_collection(source) is None else _EMPTY
 
 
 def _instances(tree: Tree, *, empty: bool, head: bpy.types.Object | None) -> list[Socket]:

@@ -18,6 +18,8 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ...engine.errors import EshError
+from ..classes.node_tree import parts_of
+from ..result.display import our_modifier
 from ..result.real_objects import real_objects_of
 from ..result.refused import as_sentence
 from ..result.replaced_data import Replaced, owned_by
@@ -245,14 +247,14 @@ class _Live:
         assert job is not None and placement is not None
         result = scatter.result
         if self._shown is not job or result is None:
-            groups = {group.session_uid for group in bpy.data.node_groups}
-            before = None if result is None else owned_by(result)
+            groups, before = _groups_of(result), None if result is None else owned_by(result)
             try:
                 result, _ = job.show(context)
-                if any(group.session_uid not in groups for group in bpy.data.node_groups):
-                    _with_new_groups[result.session_uid] = Reference(result, "result")
+                modifier = our_modifier(result)
+                if modifier is not None and _groups_of(result) != groups:
+                    _built[modifier.node_group.session_uid] = Reference(modifier.node_group, "group")
                 if before is not None and result == scatter.result and not owned_by(result).is_same(before):
-                    _replaced.setdefault(result.session_uid, Replaced(result, before))
+                    _replaced.setdefault(result.session_uid, Replaced(result)).add(before)
             except EshError as error:
                 self._say(as_sentence(error))
                 return
@@ -278,8 +280,8 @@ class _Live:
             running.redraw_sidebars()
 
 
-# Results with node groups that no undo step may know of yet, by their numbers; and what of them was emptied for an undo.
-_with_new_groups: dict[int, Reference] = {}
+# Node groups with parts that no undo step may know of yet, by their numbers, whoever uses them now; and those emptied for an undo.
+_built: dict[int, Reference] = {}
 _emptied: list[EmptiedGroup] = []
 # And those that have another mesh or group than the last step knows, because copies use the ones that they had.
 _replaced: dict[int, Replaced] = {}
@@ -294,10 +296,6 @@ def switched(scatter: Scatter, _context: object) -> None:
     _stopped.pop((scene.session_uid, scatter.uid), None)
     if scatter.live:
         wake()
-    elif scatter.result is not None:
-        # The step that the switch makes knows all of it.
-        _with_new_groups.pop(scatter.result.session_uid, None)
-        _replaced.pop(scatter.result.session_uid, None)
 
 
 def wake() -> None:
@@ -339,7 +337,7 @@ def end(wait: bool = False) -> None:
     _followed.clear()
     for live in ended:
         live.end()
-    _with_new_groups.clear()
+    _built.clear()
     _replaced.clear()
     _detach()
     if bpy.app.timers.is_registered(_tick):
@@ -424,6 +422,12 @@ def _show_since(scatter: Scatter, job: ScatterJob, result: bpy.types.Object) -> 
                 scatter.remember_variants(now, k)
 
 
+def _groups_of(result: bpy.types.Object | None) -> set[int]:
+    """Return the numbers of a result's node group and of its parts."""
+    modifier = None if result is None else our_modifier(result)
+    return set() if modifier is None else {g.session_uid for g in (modifier.node_group, *parts_of(modifier.node_group))}
+
+
 def _points_of(result: bpy.types.Object | None) -> int | None:
     """Return a checksum of a result's points; None where they cannot be seen."""
     if result is None or result.type != "MESH" or result.mode == "EDIT" or "position" not in result.data.attributes:
@@ -461,12 +465,12 @@ def _goes_back(*_arguments: object) -> None:
     """Before undo and redo nothing that stays may lead to groups that these free."""
     from ..result.emptied_group import empty_group
 
-    for uid, reference in list(_with_new_groups.items()):
-        result = reference.find()
-        if result is None:
-            _with_new_groups.pop(uid)
-        elif (emptied := empty_group(result)) is not None:
-            _emptied.append(emptied)
+    groups = {uid: reference.find() for uid, reference in _built.items()}
+    for uid, group in groups.items():
+        if group is None:
+            _built.pop(uid)
+        else:
+            _emptied.append(empty_group(group))
     for replaced in _replaced.values():
         replaced.put_back()
 
@@ -491,7 +495,7 @@ def _went_back(*_arguments: object) -> None:
 def _file_goes(*_arguments: object) -> None:
     """Another file is opened."""
     _stopped.clear()
-    _with_new_groups.clear()
+    _built.clear()
     _replaced.clear()
     for live in _followed.values():
         live.end()
@@ -518,5 +522,5 @@ def _attach() -> None:
 
 def _detach() -> None:
     for handlers, hook in _hooks():
-        if hook in handlers and not ((_with_new_groups or _replaced) and hook in (_goes_back, _went_back)):
+        if hook in handlers and not ((_built or _replaced) and hook in (_goes_back, _went_back)):
             handlers.remove(hook)

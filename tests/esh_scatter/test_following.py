@@ -288,7 +288,8 @@ def test_a_result_that_is_copied_with_its_target_follows_the_copy_of_that(scatte
 def test_what_a_result_has_got_since_a_step_is_put_back_before_undo_and_taken_again_where_it_is_still_there(scattered):
     item = scattered.object
     before = owned_by(item)
-    replaced = Replaced(item, before)
+    replaced = Replaced(item)
+    replaced.add(before)
     item.data, our_modifier(item).node_group = item.data.copy(), our_modifier(item).node_group.copy()
     since = owned_by(item)
     set_inputs(our_modifier(item), {"Share": 0.5})

@@ -561,6 +561,45 @@ def test_undo_beside_a_copy_of_the_result_leads_to_nothing_that_is_gone(scatter,
         assert sorted(shown.count(item) for item in copies) == sorted((counts[0], counts[wanted]))
 
 
+def shown_beside_copies():
+    """How many objects each result and copy shows, once all nodes lead to groups that are there."""
+    there = {group.as_pointer() for group in bpy.data.node_groups}
+    for group in bpy.data.node_groups:
+        assert all(n.node_tree.as_pointer() in there for n in group.nodes if n.bl_idname == "GeometryNodeGroup")
+    shown = [one.parent.original for one in bpy.context.evaluated_depsgraph_get().object_instances if one.is_instance]
+    return [shown.count(item) for item in bpy.context.scene.objects if is_copy(item, active().result)]
+
+
+def test_many_steps_back_and_forth_beside_a_copy_lead_to_no_parts_of_nodes_that_are_gone(scatter, follow):
+    """The group that only a copy still uses was made anew for an undo, as that of the result."""
+
+    def change(name):
+        active().classes["Pine"].sizes[0].source_object = bpy.data.objects[name]
+        bpy.ops.ed.undo_push(message=name)
+        follow()
+
+    undo, redo = bpy.ops.ed.undo, bpy.ops.ed.redo
+    bpy.data.objects.new("Rock", bpy.data.objects["Beech"].data)
+    switch_on(scatter, follow)
+    bpy.ops.ed.undo_push(message="live")
+    change("Beech")
+    bpy.ops.object.select_all(action="DESELECT")
+    active().result.select_set(True)
+    bpy.ops.object.duplicate()
+    for name in ("copied", "later"):
+        bpy.ops.ed.undo_push(message=name)
+    undo()
+    follow()
+    assert shown_beside_copies() == [400, 400]
+    change("Rock")
+    for step in (undo, redo, undo, undo, redo, redo, undo, redo):
+        step()
+        assert shown_beside_copies() in ([400, 400], [400])
+        follow()
+        assert shown_beside_copies() in ([400, 400], [400])
+    assert placed_objects(our_modifier(active().result).node_group)[0] == bpy.data.objects["Rock"]
+
+
 def test_another_file_ends_it(scatter, tmp_path, follow):
     switch_on(scatter, follow)
     scatter.classes["Pine"].sizes[0].count = 260
