@@ -11,6 +11,7 @@ import random
 import bpy
 from bpy.props import IntProperty
 
+from ..editing.copied_results import copied_from, make_scatter_of
 from ..properties.scene import selected_scatter
 from .edit import Edit, ground_in, remove_at
 
@@ -64,6 +65,25 @@ class ESH_OT_scatter_choose(Edit):
         return {"FINISHED"}
 
 
+class ESH_OT_scatter_of_copy(Edit):
+    """Make a scatter of the active copy of a result, with the settings that it was copied from. It stays as it is until Update"""
+
+    bl_idname = "esh.scatter_of_copy"
+    bl_label = "Make Own Scatter"
+    _missing = "Select a copy of a result first"
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        return copied_from(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Make it."""
+        item, settings, source = context.view_layer.objects.active, context.scene.esh_scatter, copied_from(context)
+        made = make_scatter_of(item, settings, list(settings.scatters).index(source))
+        self.report({"INFO"}, f'"{made.name}" has settings of its own now')
+        return {"FINISHED"}
+
+
 class ESH_OT_seed_roll(Edit):
     """Choose another seed. The result is another placement of the same quality"""
 
@@ -81,5 +101,6 @@ CLASSES = (
     ESH_OT_scatter_add,
     ESH_OT_scatter_remove,
     ESH_OT_scatter_choose,
+    ESH_OT_scatter_of_copy,
     ESH_OT_seed_roll,
 )

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import ast
 from dataclasses import dataclass
 
 import bpy
 
 from ..targets.references import Reference
 from .display import get_inputs, our_modifier, set_inputs
-from .node_group import MADE_OF, Followed, build_node_group, followed_in, placed_objects
+from .node_group import MADE_OF, Followed, build_node_group, classes_of, followed_in, placed_objects
 
 __all__ = ["EmptiedGroup", "empty_group", "fill_group"]
 
@@ -23,6 +22,7 @@ class EmptiedGroup:
 
     group: Reference
     made_of: str
+    classes: tuple[str, ...]
     sources: tuple[Reference | None, ...]
     followed: tuple[Followed, ...]
 
@@ -35,7 +35,8 @@ def empty_group(group: bpy.types.NodeTree) -> EmptiedGroup:
     """
     kept = EmptiedGroup(
         Reference(group, "group"),
-        group[MADE_OF],
+        group.get(MADE_OF, ""),
+        tuple(classes_of(group)),
         tuple(None if source is None else Reference(source, "source") for source in placed_objects(group)),
         tuple(one._replace(target=None) for one in followed_in(group)),
     )
@@ -56,9 +57,8 @@ def fill_group(kept: EmptiedGroup) -> None:
     shown = [get_inputs(modifier) for modifier in modifiers]
     for modifier in modifiers:
         modifier.node_group = None
-    classes = ast.literal_eval(kept.made_of)[0]
     # Undo may bring back modifiers whose values go by the inputs that the group has.
-    build_node_group(group.name, sources, classes, kept.followed, group, same_inputs=True)
+    build_node_group(group.name, sources, kept.classes, kept.followed, group, same_inputs=True)
     group[MADE_OF] = kept.made_of
     for modifier, values in zip(modifiers, shown, strict=True):
         modifier.node_group = group

@@ -5,6 +5,7 @@ Its inputs stand in the modifier panel. How much is shown counts in the viewport
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -36,7 +37,9 @@ __all__ = [
     "Followed",
     "Rest",
     "build_node_group",
+    "classes_of",
     "followed_in",
+    "have_built_anew",
     "kind_of",
     "made_of",
     "placed_objects",
@@ -198,6 +201,17 @@ def made_of(classes: Sequence[str], followed: Sequence[Followed]) -> str:
     """
     told = [(one.target and one.target.session_uid, one.vertices, one.mirrored) for one in followed]
     return repr([list(classes), told, LAYOUT])
+
+
+def classes_of(group: bpy.types.NodeTree) -> list[str]:
+    """Return the names of the classes that a group was made for."""
+    told = ast.literal_eval(group.get(MADE_OF) or "[[]]")
+    return list(told[0])
+
+
+def have_built_anew(group: bpy.types.NodeTree) -> None:
+    """Have the next run make a group anew, whatever it is made of."""
+    group[MADE_OF] = repr([classes_of(group), None, None])
 
 
 def build_node_group(

@@ -9,6 +9,7 @@ from ...engine.problem.balance import Balance
 from ...engine.problem.problem import SamplingSettings
 from ...engine.problem.scatter_settings import BorderSettings, RunSettings, TargetSettings
 from ..editing import forecast
+from ..editing.copied_results import copied_from
 from ..properties.asked_once import asked_once
 from ..properties.scatter import BY_HAND, ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
@@ -17,7 +18,7 @@ from ..result.display import followed_targets, get_inputs, input_property, is_in
 from ..result.local_views import is_left_out
 from ..result.node_group import target_inputs
 from ..result.refused import NOT_SEEN
-from ..result.result import find_result, is_copy, is_shared
+from ..result.result import find_result, is_shared
 from ..solving import live, running
 from ..targets import checksums
 from ..targets.target import is_result
@@ -304,7 +305,7 @@ def _draw_foreign(context: bpy.types.Context, column: bpy.types.UILayout) -> Non
     item, scatters = context.view_layer.objects.active, context.scene.esh_scatter.scatters
     if item is None or not is_result(item) or any(scatter.result == item for scatter in scatters):
         return
-    scatter = next((one for one in scatters if one.result is not None and is_copy(item, one.result)), None)
+    scatter = copied_from(context)
     if scatter is not None:
         _draw_copy(context, column, item, scatter)
     else:
@@ -323,6 +324,7 @@ def _draw_copy(
         return
     said = f'"{item.name}" is a copy of what "{scatter.name}" has placed. Update leaves it as it is'
     write_text(context, column, said, icon="INFO")
+    column.operator("esh.scatter_of_copy", icon="DUPLICATE")
     if modifier is not None:
         ground = next((one.target for one in followed_targets(modifier) if one.target is not None), None)
         if ground is not None and is_in_world(item):

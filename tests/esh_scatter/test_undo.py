@@ -54,6 +54,8 @@ BUTTONS = {
 }
 # What needs a window, an asset browser or a file, and what changes nothing of the file.
 ELSEWHERE = {
+    # What needs a copy of a result, see test_copied_results.py.
+    "scatter_of_copy",
     *("instances_edit", "instances_select_pinned", "layer_paint", "frame_overlap"),
     *("scatter_assets", "classes_from_assets", "source_from_asset", "source_from_shelf"),
     *("preset_from_asset", "presets_as_assets"),

@@ -1,0 +1,112 @@
+"""A copy of a result that is made a scatter of its own."""
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from esh.esh_scatter.result.display import our_modifier  # noqa: E402
+from esh.esh_scatter.result.result import is_copy  # noqa: E402
+
+pytestmark = pytest.mark.usefixtures("registered")
+
+
+@pytest.fixture
+def registered():
+    from esh.esh_scatter import registration
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    registration.register()
+    yield
+    registration.unregister()
+
+
+@pytest.fixture
+def scatter():
+    bpy.ops.mesh.primitive_grid_add(size=20, x_subdivisions=10, y_subdivisions=10)
+    ground = bpy.context.object
+    ground.name = "Ground"
+    made = bpy.context.scene.esh_scatter.add_scatter(ground)
+    for name in ("Pine", "Beech"):
+        bpy.ops.mesh.primitive_cone_add(radius1=0.2, depth=1.0, location=(60, 0, 0))
+        bpy.context.object.name = name
+        body_class = made.add_class()
+        body_class.name = name
+        body_class.sizes[0].source_object, body_class.sizes[0].count = bpy.context.object, 40
+    made.classes[0].add_layer("NOISE").use_curve = True
+    made.classes[1].may_overlap = "Pine"
+    made.device, made.max_steps, made.regularity = "CPU", 10, 0.7
+    bpy.ops.esh.scatter()
+    return made
+
+
+def copied(*others, linked=False):
+    """Copy the result, together with others; returns the copy, which is active."""
+    bpy.ops.object.select_all(action="DESELECT")
+    result = bpy.context.scene.esh_scatter.scatters[0].result
+    for item in (result, *others):
+        item.select_set(True)
+    bpy.context.view_layer.objects.active = result
+    bpy.ops.object.duplicate(linked=linked)
+    assert bpy.context.object != result and is_copy(bpy.context.object, result)
+    return bpy.context.object
+
+
+def places(item):
+    return np.array([vertex.co[:] for vertex in item.data.vertices])
+
+
+def shown(item):
+    found = bpy.context.evaluated_depsgraph_get().object_instances
+    return sum(one.is_instance and one.parent.original == item for one in found)
+
+
+@pytest.mark.parametrize("linked", [True, False])
+def test_a_copy_becomes_a_scatter_with_the_same_settings_and_each_runs_by_itself(scatter, linked):
+    result, copy = scatter.result, copied(linked=linked)
+    before = places(copy)
+    assert bpy.ops.esh.scatter_of_copy() == {"FINISHED"}
+    first, own = bpy.context.scene.esh_scatter.scatters
+    assert bpy.context.scene.esh_scatter.active == own
+    assert (own.name, own.result, own.target, own.live) == (copy.name, copy, first.target, False)
+    assert (own.regularity, own.max_steps) == (first.regularity, 10)
+    assert [c.name for c in own.classes] == ["Pine", "Beech"] and own.classes[1].names_that_may_overlap == {"Pine"}
+    assert own.classes[0].layers[0].curve != first.classes[0].layers[0].curve
+    assert our_modifier(copy).node_group != our_modifier(result).node_group and copy.data != result.data
+    np.testing.assert_array_equal(places(copy), before)
+    assert (shown(result), shown(copy)) == (80, 80)
+
+    own.keep_off_others, own.seed, own.classes[0].sizes[0].count = False, 5, 30
+    bpy.ops.esh.scatter()
+    assert own.result == copy and (shown(result), shown(copy)) == (80, 70)
+    np.testing.assert_array_equal(places(result), before)
+    kept = places(copy)
+    bpy.context.scene.esh_scatter.scatter_index = 0
+    first.classes[1].sizes[0].count = 20
+    bpy.ops.esh.scatter()
+    assert first.result == result and (shown(result), shown(copy)) == (60, 70)
+    np.testing.assert_array_equal(places(copy), kept)
+    assert not bpy.ops.esh.scatter_of_copy.poll()
+
+
+def test_a_copy_that_follows_a_copy_of_the_target_is_scattered_on_that(scatter):
+    copied(scatter.target)
+    bpy.ops.esh.scatter_of_copy()
+    own = bpy.context.scene.esh_scatter.active
+    assert own.target == bpy.data.objects["Ground.001"]
+    own.target.location.x = 50.0
+    bpy.ops.esh.scatter()
+    assert places(own.result)[:, 0].min() > 39.0 and own.name == own.result.name
+
+
+def test_undo_takes_the_scatter_away_and_leaves_the_copy(scatter):
+    bpy.ops.ed.undo_push(message="scattered")
+    copied()
+    bpy.ops.ed.undo_push(message="copied")
+    bpy.ops.esh.scatter_of_copy("EXEC_DEFAULT", True)
+    bpy.ops.ed.undo()
+    settings = bpy.context.scene.esh_scatter
+    assert len(settings.scatters) == 1 and bpy.ops.esh.scatter_of_copy.poll()
+    bpy.ops.ed.redo()
+    assert len(bpy.context.scene.esh_scatter.scatters) == 2
+    assert bpy.context.scene.esh_scatter.scatters[1].result == bpy.context.object
