@@ -32,6 +32,7 @@ __all__ = ["CLASSES", "SHELF"]
 # Name of the shelf that shows the assets, see :mod:`..sidebar.asset_shelf`.
 SHELF = "ESH_AST_assets"
 _SELECT_ASSETS = "Select objects or collections in the asset browser first"
+_SELECT_PRESET = "Select a preset of ESH Scatter in the asset browser first"
 
 
 def _assets() -> StringProperty:
@@ -161,6 +162,16 @@ class ESH_OT_preset_from_asset(Edit):
 
     assets: _assets()
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not super().poll(context):
+            return False
+        # Elsewhere it is given its preset, or is tuned after it was pressed here.
+        if context.area is not None and context.area.ui_type == "ASSETS" and not _presets(context):
+            cls.poll_message_set(_SELECT_PRESET)
+            return False
+        return True
+
     @staticmethod
     def _needs(context: bpy.types.Context) -> object:
         return ground_in(context)
@@ -176,7 +187,7 @@ class ESH_OT_preset_from_asset(Edit):
             self.assets = text_of_assets(given)
             group = bring_in(given[0]) if given else None
             if group is None or PRESET not in group:
-                self.report({"ERROR"}, "Select a preset of ESH Scatter in the asset browser first")
+                self.report({"ERROR"}, _SELECT_PRESET)
                 return {"CANCELLED"}
             text = str(group[PRESET])
             if given[0].file and group.library is None:

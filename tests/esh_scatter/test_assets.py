@@ -247,6 +247,17 @@ def test_a_selected_preset_is_applied_from_the_menu(presets, ground):
     assert bpy.context.scene.esh_scatter.active.name == "Pebbles" and not bpy.data.node_groups.get("Pebbles")
 
 
+def test_in_the_asset_browser_the_entry_needs_a_selected_preset(ground):
+    area = bpy.context.window_manager.windows[0].screen.areas[0]
+    kind, area.ui_type = area.ui_type, "ASSETS"
+    try:
+        with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area):
+            assert not bpy.ops.esh.preset_from_asset.poll()
+        assert bpy.ops.esh.preset_from_asset.poll(), "elsewhere it is told which"
+    finally:
+        area.ui_type = kind
+
+
 def test_a_dropped_preset_that_is_none_changes_nothing_but_says_so(ground):
     group = bpy.data.node_groups.new("Bad", "GeometryNodeTree")
     group[assets.PRESET] = '{"format": "other"}'
