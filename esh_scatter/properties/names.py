@@ -36,11 +36,15 @@ def unused_name(name: str, taken: set[str]) -> str:
 
 def keep_name_unused(item: PropertyGroup, _context: object) -> None:
     """Give ``item`` a name that no neighbor in its list has; an empty name becomes its kind's."""
+    _keep_unused(item, set())
+
+
+def _keep_unused(item: PropertyGroup, taken_elsewhere: set[str]) -> None:
     path, _, index = item.path_from_id().rpartition("[")
     siblings = item.id_data.path_resolve(path)
     position = int(index.rstrip("]"))
     taken = {sibling.name for number, sibling in enumerate(siblings) if number != position}
-    name = unused_name(item.name.strip() or item.KIND, taken)
+    name = unused_name(item.name.strip() or item.KIND, taken | taken_elsewhere)
     if name != item.name:
         item.name = name
 
@@ -66,11 +70,12 @@ def class_renamed(item: PropertyGroup, context: object) -> None:
                 other.may_overlap = ", ".join(sorted(others))
 
 
-def scatter_renamed(item: PropertyGroup, context: object) -> None:
-    """Keep the name of a scatter unused, and rename its result."""
-    from ..result.result import rename_result
+def scatter_renamed(item: PropertyGroup, _context: object) -> None:
+    """Keep the name of a scatter unused, and rename its result; one without leaves results alone that have no scatter here."""
+    from ..result.result import names_on, rename_result
 
-    keep_name_unused(item, context)
+    others = {scatter.result for scatter in item.id_data.esh_scatter.scatters}
+    _keep_unused(item, names_on(item.id_data, item.chosen_target, others) if item.result is None else set())
     result = item.result_in(item.id_data)
     if result is not None and result.library is None:
         rename_result(result, item.name)

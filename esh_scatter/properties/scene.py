@@ -10,7 +10,6 @@ from bpy.types import PropertyGroup
 from ..versions import VERSION
 from .body_class import ESH_PG_class
 from .entries import entry_at
-from .names import unused_name
 from .scatter import ESH_PG_scatter
 
 __all__ = ["CLASSES", "ESH_PG_scene", "active_scatter", "attach", "detach", "selected_class", "selected_scatter"]
@@ -34,13 +33,12 @@ class ESH_PG_scene(PropertyGroup):
             # Nothing is there yet that an older version could have made.
             self.version = VERSION
         scatter = self.scatters.add()
-        scatter.name = unused_name(
-            f"{target.name} Scatter" if target else "Scatter", {other.name for other in self.scatters[:-1]}
-        )
         if isinstance(target, bpy.types.Collection):
             scatter.target_kind, scatter.target_collection = "COLLECTION", target
         else:
             scatter.target = target
+        # It gets a number where it is taken.
+        scatter.name = f"{target.name} Scatter" if target else "Scatter"
         self.scatter_index = len(self.scatters) - 1
         return scatter
 

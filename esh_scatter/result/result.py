@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import bpy
 import numpy as np
@@ -29,6 +29,7 @@ __all__ = [
     "OVERLAPPING",
     "find_result",
     "is_copy",
+    "names_on",
     "remove_result",
     "rename_result",
     "set_node_group",
@@ -61,6 +62,16 @@ def find_result(
     """
     found = [item for item in _results(scene, target, name) if not is_shared(item)]
     return min(found, key=lambda item: item.session_uid, default=None)
+
+
+def names_on(
+    scene: bpy.types.Scene,
+    target: bpy.types.Object | bpy.types.Collection | None,
+    besides: Collection[bpy.types.Object | None],
+) -> set[str]:
+    """Return the names that results of a scene on a target were made with, besides some: a run with such a name would replace them."""
+    there = [item for item in scene.objects if target is not None and item.get(RESULT_TARGET) == target]
+    return {item.get(NAME, "") for item in there if is_result(item) and item not in besides}
 
 
 def is_shared(item: bpy.types.Object) -> bool:

@@ -1,4 +1,4 @@
-"""A copy of a result that is made a scatter of its own."""
+"""Results that no scatter of the scene has made: copies that are made scatters of their own, and what new scatters leave alone."""
 
 import numpy as np
 import pytest
@@ -110,3 +110,29 @@ def test_undo_takes_the_scatter_away_and_leaves_the_copy(scatter):
     bpy.ops.ed.redo()
     assert len(bpy.context.scene.esh_scatter.scatters) == 2
     assert bpy.context.scene.esh_scatter.scatters[1].result == bpy.context.object
+
+
+@pytest.mark.parametrize("way", ["removed", "appended"])
+def test_a_new_scatter_leaves_a_result_without_settings_as_it_is(scatter, tmp_path, way):
+    target, kept = scatter.target.name, scatter.result.name
+    if way == "removed":
+        bpy.ops.esh.scatter_remove()
+    else:
+        path = str(tmp_path / "forest.blend")
+        bpy.ops.wm.save_as_mainfile(filepath=path)
+        bpy.ops.wm.read_homefile(use_empty=True)
+        bpy.ops.wm.append(
+            directory=f"{path}/Object/", files=[{"name": target}, {"name": kept}, {"name": "Pine"}], filename=kept
+        )
+    before = places(bpy.data.objects[kept])
+    made = bpy.context.scene.esh_scatter.add_scatter(bpy.data.objects[target])
+    assert made.name == "Ground Scatter 2"
+    made.name = "Ground Scatter"
+    size = made.add_class().sizes[0]
+    size.source_object, size.count = bpy.data.objects["Pine"], 10
+    made.device, made.max_steps = "CPU", 10
+    bpy.ops.esh.scatter()
+    assert made.result.name == made.name == "Ground Scatter 2" and shown(made.result) == 10
+    np.testing.assert_array_equal(places(bpy.data.objects[kept]), before)
+    made.name = "Grove"
+    assert made.result.name == "Grove"

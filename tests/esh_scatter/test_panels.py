@@ -633,8 +633,9 @@ def test_of_a_copy_of_a_result_it_is_said_whose_it_is_and_it_can_be_moved():
 
     goes_with = scatter.target.name
     for _ in range(2):
-        assert told()[-4:] == [
+        assert told()[-5:] == [
             own,
+            "esh.scatter_of_copy",
             f'It goes with "{goes_with}". Switch Follow off to move it by itself',
             "Follow",
             "Target",
@@ -644,7 +645,7 @@ def test_of_a_copy_of_a_result_it_is_said_whose_it_is_and_it_can_be_moved():
         scatter.classes[0].sizes[0].count += 1
         assert bpy.ops.esh.scatter() == {"FINISHED"}
     set_inputs(our_modifier(copy), {"Follow": False})
-    assert told()[-3:] == [own, "Follow", "Target"], "it can be switched on again"
+    assert told()[-4:] == [own, "esh.scatter_of_copy", "Follow", "Target"], "it can be switched on again"
     bpy.context.scene.collection.objects.unlink(scatter.result)
     copy[NAME] = "Wood"
     said = f'"{copy.name}" is a copy of the result that is no longer there. Scatter takes it in its place'
