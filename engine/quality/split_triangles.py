@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..problem.sides import Sides, sides_of
+from ..problem.small_matrices import determinants, inverses
 from ..problem.surface import Surface
 from .flips import Flips, cotangents, find_flips, laid_flat
 
@@ -59,7 +60,7 @@ class _Pass(NamedTuple):
         around = np.arange(-PARTS_AROUND if (self.apex >= 0).any() else 0, PARTS_AROUND + 1)[:, None]
         candidates = self.first[triangle] + np.clip(guess + around, 0, count - 1)
         needed, place = np.unique(candidates, return_inverse=True)
-        back = np.linalg.inv(self.weight[needed])
+        back = inverses(self.weight[needed])
         least, part, inside = np.full(len(triangle), -np.inf), np.zeros_like(triangle), np.zeros_like(weight)
         for tried, at in zip(candidates, place.reshape(candidates.shape), strict=True):
             found = np.einsum("nk,nkd->nd", weight, back[at])
@@ -139,7 +140,7 @@ class SplitTriangles:
     def _after(self, one: _Pass, vertex: np.ndarray) -> SplitTriangles:
         """What a pass makes of them; ``vertex`` are those of its parts."""
         flat = np.einsum("tkc,tcd->tkd", one.weight, self.flat[one.parent])
-        area = self.area[one.parent] * np.abs(np.linalg.det(one.weight))
+        area = self.area[one.parent] * np.abs(determinants(one.weight))
         return SplitTriangles(flat, area, sides_of(vertex), self._wholes, (*self._steps, one))
 
 

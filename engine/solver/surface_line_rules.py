@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
+from ..problem.small_matrices import inverses
 from ..problem.surface_directions import SLOPE, direction_at, down_the_slope
 from ..problem.unit_vectors import tangent_frame
 from ..surface.facets import Facets
@@ -164,8 +165,9 @@ def _gradients(moments: np.ndarray) -> np.ndarray:
     spread = mean[:, 5:14].reshape(-1, 3, 3) - place[:, :, None] * place[:, None, :]
     slope = mean[:, 14:] - place * value[:, None]
     # Places lie in a plane, or nearly so: across that there is neither.
-    least = FLATTEST * np.trace(spread, axis1=1, axis2=2) + 1e-300
-    return np.linalg.solve(spread + least[:, None, None] * np.eye(3), slope[:, :, None])[:, :, 0]
+    scale = np.trace(spread, axis1=1, axis2=2) + 1e-300
+    back = inverses(spread / scale[:, None, None] + FLATTEST * np.eye(3))
+    return np.einsum("nij,nj->ni", back, slope) / scale[:, None]
 
 
 def _summed(values: np.ndarray, cell: np.ndarray) -> np.ndarray:

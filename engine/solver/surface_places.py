@@ -12,6 +12,7 @@ from ..device.launcher import Launcher
 from ..errors import ProblemError, Reason, Refusal
 from ..problem.body_kind import radius_of
 from ..problem.nearest_on_triangles import corner_weights
+from ..problem.small_matrices import inverses
 from ..problem.surface import PointsOnSurface
 from ..problem.validation import show
 from ..surface import kernels_facets
@@ -58,7 +59,7 @@ def spots_of_points(facets: Facets, points: PointsOnSurface) -> Spots:
     within = np.arange(len(row)) - np.repeat(before, count)
     candidate = order[first[row] + within]
     used, which = np.unique(candidate, return_inverse=True)
-    weight = np.einsum("nk,nkd->nd", points.barycentric[row], np.linalg.inv(facets.weight[used])[which])
+    weight = np.einsum("nk,nkd->nd", points.barycentric[row], inverses(facets.weight[used])[which])
     # Of the facets of its triangle, that which a point lies deepest in.
     depth = weight.min(axis=1)
     best = np.lexsort((candidate, -depth, row))
