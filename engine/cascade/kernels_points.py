@@ -260,25 +260,27 @@ def find_nearest(
 @wp.kernel
 def average_normals(
     first: int,
-    corner: wp.array(dtype=wp.vec3),
-    corner_normal: wp.array(dtype=wp.vec3),
+    position: wp.array(dtype=wp.vec3),
+    normal: wp.array(dtype=wp.vec3),
     label: wp.array(dtype=wp.int32),
+    of_label: int,
     others: Points,
-    other_normal: wp.array(dtype=wp.vec3),
+    area: wp.array(dtype=float),
     grid: PointGrid,
     width: float,
     reach: float,
     # outputs
     average: wp.array(dtype=wp.vec3),
 ):
-    """Average, by a Gaussian, of what the surface looks to at points of the same part near every corner of facets.
+    """Average, by a Gaussian, of what the surface looks to at other points of the same part near every point.
 
-    Each counts by how much the corner sees of it. ``other_normal`` is their normal times the area that they stand for. Cells are as
-    large as ``reach``.
+    Each of the others counts by the ``area`` that it stands for, and by how much the point sees of it. A label is that of ``of_label``
+    points. Cells are as large as ``reach``.
     """
     i = first + wp.tid()
-    place = corner[i]
-    normal = corner_normal[i]
+    place = position[i]
+    own = normal[i]
+    part = label[i / of_label]
     total = wp.vec3(0.0, 0.0, 0.0)
     cell = cell_at(place, grid.inverse_size)
     for number in range(27):
@@ -287,17 +289,14 @@ def average_normals(
         for s in range(grid.start[slot], grid.start[slot + 1]):
             j = grid.order[s]
             square = wp.length_sq(others.position[j] - place)
-            if square < reach * reach and others.label[j] == label[i / 3]:
+            if square < reach * reach and others.label[j] == part:
                 # Others may share the cell's slot.
                 if same_cell(cell_at(others.position[j], grid.inverse_size), around):
-                    total += (
-                        side_factor(others.normal[j], normal)
-                        * wp.exp(-0.5 * square / (width * width))
-                        * other_normal[j]
-                    )
+                    near = wp.exp(-0.5 * square / (width * width))
+                    total += (side_factor(others.normal[j], own) * near * area[j]) * others.normal[j]
     length = wp.length(total)
-    average[i] = normal
-    if length > 0.0 and wp.dot(total, normal) > 0.0:
+    average[i] = own
+    if length > 0.0 and wp.dot(total, own) > 0.0:
         average[i] = total / length
 
 

@@ -96,7 +96,7 @@ class SurfaceDescent:
         model: What is to be placed; its domain is a surface.
         launcher: Where to run.
         start: Says where bodies start, by the facets; None puts them on Hilbert curves.
-        before: Another descent on the same surface, whose nodes are taken again if they will do.
+        before: Another descent on the same surface; its nodes, and what the surface is from afar, are taken again if they will do.
         shares: Says which densities are followed; None for those of the model's problem.
 
     Attributes:
@@ -131,9 +131,12 @@ class SurfaceDescent:
         if shares is not None:
             share = shares(self.facets)
         # Contact and lines go by what the surface is from near.
-        self._from_afar = not keeps_apart(model) and not model.kinds and looks_other_from_afar(self.facets)
-        if self._from_afar:
-            on_device = seen_from_afar(launcher, self.facets, on_device, 1.0)
+        self._from_afar: kernels_facets.Facets | None = None
+        if before is not None and before.model.unit != model.unit:
+            before = None
+        if not keeps_apart(model) and not model.kinds and looks_other_from_afar(self.facets):
+            seen = None if before is None else before._from_afar
+            self._from_afar = on_device = seen_from_afar(launcher, self.facets, on_device, 1.0, seen)
         asked = started = share
         fixed = None
         if model.fixed.any():
@@ -198,8 +201,8 @@ class SurfaceDescent:
             self.cascade.set_offset(potential)
 
     def _nodes_of(self, before: SurfaceDescent | None) -> Nodes | None:
-        """The nodes of another descent, if it sees the surface as this one does."""
-        if before is None or before.model.unit != self.model.unit or before._from_afar != self._from_afar:
+        """The nodes of another descent in the same unit, if it sees the surface as this one does."""
+        if before is None or (before._from_afar is None) != (self._from_afar is None):
             return None
         return before.cascade.nodes
 

@@ -306,11 +306,11 @@ def test_rough_ground_is_smooth_from_afar(launcher):
 
 
 def test_sides_of_a_thin_wall_and_touching_parts_do_not_blend_from_afar(launcher):
-    box = trimesh.creation.box(extents=(30.0, 30.0, 0.2))
+    box = trimesh.creation.box(extents=(60.0, 60.0, 0.2))
     facets, seen = corner_normals_from_afar(launcher, np.array(box.vertices), np.array(box.faces), 8.0)
     flat = np.abs(facets.normal[:, 2]) > 0.9
     own = np.broadcast_to(facets.normal[:, None], seen.shape)
-    far = flat[:, None] & (np.abs(facets.corner)[..., :2].max(axis=2) < 15.0 - 0.5 * 8.0 * 2.5)
+    far = flat[:, None] & (np.abs(facets.corner)[..., :2].max(axis=2) < 30.0 - 0.75 * 8.0 * 2.5)
     assert far.any() and np.allclose(seen[far], own[far], atol=1e-3)
     # Beside the narrow rim this blends in a little, the other side does not.
     assert np.allclose(seen[flat], own[flat], atol=0.05)
