@@ -26,6 +26,7 @@ from ..result.replaced_data import Replaced, owned_by
 from ..targets import checksums
 from ..targets.references import Reference
 from . import running
+from .new_result import Kept, NewResult
 
 if TYPE_CHECKING:
     from ..result.emptied_group import EmptiedGroup
@@ -248,8 +249,11 @@ class _Live:
         result = scatter.result
         if self._shown is not job or result is None:
             groups, before = _groups_of(result), None if result is None else owned_by(result)
+            kept, others = Kept.by(scatter), set() if scatter.result_in(context.scene) else set(context.scene.objects)
             try:
                 result, _ = job.show(context)
+                if result != scatter.result and result not in others:
+                    _made[result.session_uid] = NewResult(scatter, result, kept, _scatter_of)
                 modifier = our_modifier(result)
                 if modifier is not None and _groups_of(result) != groups:
                     _built[modifier.node_group.session_uid] = Reference(modifier.node_group, "group")
@@ -285,6 +289,8 @@ _built: dict[int, Reference] = {}
 _emptied: list[EmptiedGroup] = []
 # And those that have another mesh or group than the last step knows, because copies use the ones that they had.
 _replaced: dict[int, Replaced] = {}
+# And results that the last step may not know.
+_made: dict[int, NewResult] = {}
 
 # What made scatters stop living, by the scene's number and their own, until they live again.
 _stopped: dict[tuple[int, int], str] = {}
@@ -339,6 +345,7 @@ def end(wait: bool = False) -> None:
         live.end()
     _built.clear()
     _replaced.clear()
+    _made.clear()
     _detach()
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
@@ -462,7 +469,7 @@ def _something_changed(_scene: object, depsgraph: bpy.types.Depsgraph | None = N
 
 @persistent
 def _goes_back(*_arguments: object) -> None:
-    """Before undo and redo nothing that stays may lead to groups that these free."""
+    """Before undo and redo nothing that stays may lead to what these free."""
     from ..result.emptied_group import empty_group
 
     groups = {uid: reference.find() for uid, reference in _built.items()}
@@ -473,6 +480,8 @@ def _goes_back(*_arguments: object) -> None:
             _emptied.append(empty_group(group))
     for replaced in _replaced.values():
         replaced.put_back()
+    for made in _made.values():
+        made.take_out()
 
 
 @persistent
@@ -487,6 +496,8 @@ def _went_back(*_arguments: object) -> None:
     for emptied in _emptied:
         fill_group(emptied)
     _emptied.clear()
+    for uid in [uid for uid, made in _made.items() if not made.put_again()]:
+        _made.pop(uid)
     for live in _followed.values():
         live.look_at_points()
 
@@ -497,6 +508,7 @@ def _file_goes(*_arguments: object) -> None:
     _stopped.clear()
     _built.clear()
     _replaced.clear()
+    _made.clear()
     for live in _followed.values():
         live.end()
     _followed.clear()
@@ -522,5 +534,5 @@ def _attach() -> None:
 
 def _detach() -> None:
     for handlers, hook in _hooks():
-        if hook in handlers and not ((_built or _replaced) and hook in (_goes_back, _went_back)):
+        if hook in handlers and not ((_built or _replaced or _made) and hook in (_goes_back, _went_back)):
             handlers.remove(hook)

@@ -600,6 +600,66 @@ def test_many_steps_back_and_forth_beside_a_copy_lead_to_no_parts_of_nodes_that_
     assert placed_objects(our_modifier(active().result).node_group)[0] == bpy.data.objects["Rock"]
 
 
+def leads_to_nothing_that_is_gone():
+    """Whether all objects and meshes to which the scene leads are there; asked by their addresses, which freed ones still have."""
+    there = {item.as_pointer() for item in bpy.data.objects}
+    meshes = {mesh.as_pointer() for mesh in bpy.data.meshes}
+    linked = [item.as_pointer() for item in bpy.context.scene.collection.objects]
+    result = active().result
+    if not there.issuperset(linked) or (result is not None and result.as_pointer() not in there):
+        return False
+    return all(item.data.as_pointer() in meshes for item in bpy.data.objects if item.type == "MESH")
+
+
+def raise_ground(ground, height):
+    """Change nothing but the mesh."""
+    for vertex in ground.data.vertices:
+        vertex.co.z = height
+    ground.data.update()
+
+
+def test_a_result_made_after_a_step_in_which_only_the_mesh_changed_is_undone_and_redone(scatter, follow):
+    """The scene is the same in both steps: undo keeps it as it is, with a result of which no step knows."""
+    ground, undo, redo = scatter.target, bpy.ops.ed.undo, bpy.ops.ed.redo
+    ground.select_set(True)
+    scatter.live = True
+    for height in (0.0, 0.0, 0.0, 1.0):
+        raise_ground(ground, height)
+        bpy.ops.ed.undo_push(message="changed")
+    follow()
+    assert len(points()) == 400
+    active().result.select_set(True)
+    height = 1
+    for number in range(8):
+        height = 1 - height
+        (redo if height else undo)()
+        assert leads_to_nothing_that_is_gone()
+        if number % 3:
+            follow()
+            assert active().live and leads_to_nothing_that_is_gone()
+            assert len(points()) == 400 and {place[2] for place in points().values()} == {float(height)}
+            assert len([item for item in bpy.context.scene.objects if item.name.startswith("Ground Scatter")]) == 1
+
+
+def test_a_result_that_undo_steps_know_stays_as_it_was_shown(scatter, follow):
+    """It is taken out of the scene for the undo, and put again: the scene is the same in both steps."""
+    scatter.live = True
+    follow()
+    result = active().result
+    bpy.context.view_layer.objects.active = result
+    result.select_set(True)
+    for height in (0.0, 1.0, 2.0):
+        raise_ground(bpy.data.objects["Ground"], height)
+        bpy.ops.ed.undo_push(message="changed")
+    before, uid = points(), result.session_uid
+    bpy.ops.ed.undo()
+    result = active().result
+    assert result.session_uid == uid and bpy.context.view_layer.objects.active == result and result.select_get()
+    assert moved(before, points()).max() == 0.0 and active().report_json
+    follow()
+    assert active().live and active().result == result and {place[2] for place in points().values()} == {1.0}
+
+
 def test_another_file_ends_it(scatter, tmp_path, follow):
     switch_on(scatter, follow)
     scatter.classes["Pine"].sizes[0].count = 260
