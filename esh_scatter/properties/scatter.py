@@ -230,7 +230,11 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         from ..result.refused import NOT_SEEN
         from ..targets.top import have_no_top
 
-        return NOT_SEEN if self.surface == "ABOVE" and not self.both_sides and have_no_top(self.targets) else None
+        return (
+            NOT_SEEN
+            if self.surface == "ABOVE" and not self.both_sides and have_no_top(self.targets_with_faces())
+            else None
+        )
 
     def obstacle_of(self, body_class: ESH_PG_class, followed_by: tuple[int, ...] = ()) -> str | None:
         """Return what keeps a class from being scattered, as one sentence, or None; one target has to have what it asks for.
@@ -267,13 +271,15 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
             return [c for c in self.classes if not c.mute and self.obstacle_of(c) is None]
 
     def left_out(self) -> list[str]:
-        """Return what keeps classes that are not muted from being scattered, and obstacles from counting, one sentence for each."""
+        """Return why classes that are not muted, obstacles and targets of a collection do not count, one sentence for each."""
         with asked_once():
             why = [(c.name, self.obstacle_of(c)) for c in self.classes if not c.mute]
         gone = [one.deleted for one in self.obstacles if one.use and one.deleted]
+        bare = self.bare_targets() if self.target_kind == "COLLECTION" else []
         return [
             *(f"{name} is left out: {text.partition(': ')[2]}" for name, text in why if text),
             *(f"{name} is left out: it was deleted; choose another object to avoid" for name in gone),
+            *(f'"{item.name}" is left out: it has no faces to stand on' for item in bare),
         ]
 
     def arguments(self, scene: bpy.types.Scene) -> tuple[tuple, dict]:

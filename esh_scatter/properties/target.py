@@ -56,6 +56,20 @@ class WithTarget:
         found = [item for item in self.target_collection.all_objects if item.type == "MESH" and not is_result(item)]
         return sorted(found, key=lambda item: item.name_full)
 
+    def bare_targets(self) -> list[bpy.types.Object]:
+        """Return the targets that are known to have no faces: what else is in their collection is scattered on."""
+        from ..targets.top import lacks_faces
+
+        return [item for item in self.targets if lacks_faces(item)]
+
+    def targets_with_faces(self) -> list[bpy.types.Object]:
+        """Return the targets that are scattered on, as far as is known; where some have no faces, hidden ones do not count."""
+        from ..targets.target import is_shown_in
+
+        bare, layer = self.bare_targets(), bpy.context.view_layer
+        others = [item for item in self.targets if item not in bare]
+        return [item for item in others if is_shown_in(layer, item)] if bare else others
+
     @property
     def first_target(self) -> bpy.types.Object | None:
         """The mesh whose UV maps, vertex groups and attributes there are to choose from, or None."""
@@ -78,14 +92,14 @@ class WithTarget:
         return self._faces_obstacle()
 
     def _faces_obstacle(self) -> str | None:
-        """Return that a target has nothing to stand on, as one sentence that says what to do, or None."""
-        from ..targets.top import lacks_faces
-
-        bare = next((item for item in self.targets if lacks_faces(item)), None)
+        """Return that there is nothing to stand on, as one sentence that says what to do, or None."""
+        bare = next(iter(self.bare_targets()), None)
         if bare is None:
             return None
         if self.target_kind == "COLLECTION":
-            return f'"{bare.name}" in the collection has no faces to stand on; take it out of there'
+            if self.targets_with_faces():
+                return None
+            return f'No visible mesh of collection "{self.target_collection.name}" has faces to stand on; choose another target'
         if any(modifier.type == "NODES" for modifier in bare.modifiers):
             return f'"{bare.name}" has no faces to stand on; Realize Instances, in its geometry nodes, gives it those of instances'
         return f'"{bare.name}" has no faces to stand on; choose another target'

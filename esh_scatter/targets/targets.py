@@ -18,6 +18,7 @@ from ...engine.surface.triangle_mesh import TriangleMesh
 from ...engine.surface.whole_surface import WholeSurface
 from .references import Reference
 from .target import check_exists, check_target, is_mirrored, is_result, is_shown_in, read_target
+from .top import lacks_faces
 
 __all__ = ["Target", "Targets", "chart_of", "check_targets", "read_targets", "stuck_attributes"]
 
@@ -61,7 +62,7 @@ def check_targets(
 ) -> tuple[list[bpy.types.Object], bpy.types.Collection | None]:
     """Return the mesh objects that a target stands for, and the collection that holds them if it is one.
 
-    Of a collection, what is no mesh, what is hidden and results of scatters are passed over.
+    Of a collection, what is no mesh, what is hidden, meshes without faces beside others and results of scatters are passed over.
     """
     if isinstance(target, bpy.types.Collection):
         check_exists(target, "`target`")
@@ -76,6 +77,8 @@ def check_targets(
             raise ProblemError(
                 f'target collection "{target.name}" must hold mesh objects that are visible; it has none'
             )
+        # Where none has faces, reading them says so.
+        members = [item for item in members if not lacks_faces(item)] or members
         return sorted((check_target(item, context) for item in members), key=lambda item: item.name_full), target
     if isinstance(target, Sequence) and not isinstance(target, str):
         if not target:

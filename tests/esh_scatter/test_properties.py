@@ -234,7 +234,15 @@ def test_a_target_without_faces_is_told_of_before_a_run(scatter):
     bpy.context.scene.collection.children.link(group)
     group.objects.link(scatter.target)
     scatter.target_kind, scatter.target_collection = "COLLECTION", group
-    assert "in the collection has no faces to stand on" in scatter.obstacle(bpy.context.scene)
+    said = 'No visible mesh of collection "Tiles" has faces to stand on; choose another target'
+    assert scatter.obstacle(bpy.context.scene) == said
+    bpy.ops.mesh.primitive_grid_add(size=4.0)
+    tile = bpy.context.object
+    group.objects.link(tile)
+    assert scatter.target_obstacle(bpy.context.scene) is None
+    assert f'"{scatter.target.name}" is left out: it has no faces to stand on' in scatter.left_out()
+    tile.hide_set(True)
+    assert scatter.obstacle(bpy.context.scene) == said
 
 
 def test_a_target_deleted_in_the_viewport_counts_as_gone(scatter):

@@ -291,6 +291,13 @@ def test_tiles_of_a_terrain_are_one_ground_seen_from_above():
     # The result is known by the collection, and replaced.
     again = scatter(holder, classes(50, one), **OPTIONS)
     assert again.object == as_collection.object and len(points(again.object)) == 50
+    # A mesh without faces is passed over, whatever its name, until there is nothing else.
+    holder.objects.link(mesh_object("A Guide", [(0, 0, 0), (1, 0, 0)], []))
+    assert points(scatter(holder, classes(600, one), **OPTIONS).object).tobytes() == place.tobytes()
+    for item in list(holder.objects)[:-1]:
+        holder.objects.unlink(item)
+    with pytest.raises(esh.ProblemError, match='target "A Guide" must have faces; its mesh has none'):
+        scatter(holder, classes(600, one), **OPTIONS)
 
 
 def test_automatic_is_decided_by_what_is_covered():
