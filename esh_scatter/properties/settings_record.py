@@ -178,7 +178,10 @@ def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[s
         return ["settings"]
     found = _differing(before["scatter"], now["scatter"], scatter)
     if before["target"] != now["target"]:
-        found = [_what_of_target(before, now, found), *(what for what in found if what not in (TARGET, TARGET_KIND))]
+        found = [
+            _what_of_target(before, now, found, scatter),
+            *(what for what in found if what not in (TARGET, TARGET_KIND)),
+        ]
     old, new = before["classes"], now["classes"]
     groups = {str(c.uid): c for c in scatter.classes}
     for uid in new:
@@ -194,12 +197,26 @@ def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[s
     return list(dict.fromkeys(found)) or ["the order of the classes" if list(old) != list(new) else "settings"]
 
 
-def _what_of_target(before: dict[str, Any], now: dict[str, Any], found: Sequence[str]) -> str:
-    """Return what differs of the target, in words: it is another one, or the same elsewhere or of another shape."""
+def _what_of_target(before: dict[str, Any], now: dict[str, Any], found: Sequence[str], scatter: Any) -> str:
+    """Return what differs of the target, in words: more meshes, another one, or the same elsewhere or of another shape."""
+    more = _added_meshes(before["target"], now["target"])
+    if more:
+        # As many objects on more ground stand less densely, which nothing else says before the run.
+        fixed = any(c.count_kind in ("SIZES", "TOTAL") for c in scatter.ready_classes())
+        return f"target ({more} more {'mesh' if more == 1 else 'meshes'}{'; fixed counts stay' if fixed else ''})"
     # Where it is the same collection, only its members differ.
     same_name = before["names"].get(COLLECTION) == now["names"].get(COLLECTION)
     other = TARGET_KIND in found or (TARGET in found and not same_name)
     return TARGET if other else "shape or place of the target"
+
+
+def _added_meshes(before: list[Any] | None, now: list[Any] | None) -> int:
+    """Return how many meshes stand beside all of before, by what :func:`state_of_targets` says; 0 where some of these changed."""
+    if not before or not now:
+        return 0
+    old, new = (target if isinstance(target[0], list) else [target] for target in (before, now))
+    known = {repr(mesh) for mesh in new}
+    return max(0, len(new) - len(old)) if all(repr(mesh) in known for mesh in old) else 0
 
 
 def _differing_class(before: dict[str, Any], now: dict[str, Any], uid: str, group: Any, apart: bool) -> list[str]:

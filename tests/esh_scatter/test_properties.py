@@ -245,6 +245,26 @@ def test_a_target_without_faces_is_told_of_before_a_run(scatter):
     assert scatter.obstacle(bpy.context.scene) == said
 
 
+def test_of_a_tile_that_is_added_it_is_said_that_counts_stay(scatter):
+    scatter.add_class().sizes[0].source_object = new_object("Tree")
+    scatter.remember(scatter.target, {"steps": 3})
+    group = bpy.data.collections.new("Tiles")
+    bpy.context.scene.collection.children.link(group)
+    for item in (scatter.target, new_object("Tile")):
+        group.objects.link(item)
+    scatter.target_kind, scatter.target_collection = "COLLECTION", group
+    bpy.context.view_layer.update()
+    assert scatter.changes() == ["target (1 more mesh; fixed counts stay)"]
+    scatter.remember(scatter.target, {"steps": 3})
+    for name in ("East", "West"):
+        group.objects.link(new_object(name))
+    bpy.context.view_layer.update()
+    assert scatter.changes() == ["target (2 more meshes; fixed counts stay)"]
+    for body_class in scatter.classes:
+        body_class.count_kind = "PER_AREA"
+    assert "target (2 more meshes)" in scatter.changes()
+
+
 def test_a_target_deleted_in_the_viewport_counts_as_gone(scatter):
     """Blender keeps such an object alive, because the settings still point to it."""
     bpy.context.scene.collection.objects.unlink(scatter.target)
