@@ -19,7 +19,6 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
-from ..problem.unit_vectors import unit_vectors
 from ..surface import kernels_facets
 from ..surface.facets import Facets
 from . import kernels_points
@@ -114,6 +113,7 @@ def _standing_for_all(
     nearest = nearest_of(launcher, tiles, few, 2.0 * distance, distance).numpy()
     there, count = nearest >= 0, len(few.position)
     area, normal = facets.tile_area[there], tiles.normal.numpy()[there]
-    total = [np.bincount(nearest[there], area * normal[:, axis], count) for axis in range(3)]
-    few.normal = launcher.array(unit_vectors(np.stack(total, axis=1)).astype(np.float32), wp.vec3)
+    total = np.stack([np.bincount(nearest[there], area * normal[:, axis], count) for axis in range(3)], axis=1)
+    total /= np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)
+    few.normal = launcher.array(total.astype(np.float32), wp.vec3)
     return few, launcher.array(np.bincount(nearest[there], area, count).astype(np.float32), wp.float32)
