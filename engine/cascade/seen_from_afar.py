@@ -114,6 +114,6 @@ def _standing_for_all(
     there, count = nearest >= 0, len(few.position)
     area, normal = facets.tile_area[there], tiles.normal.numpy()[there]
     total = np.stack([np.bincount(nearest[there], area * normal[:, axis], count) for axis in range(3)], axis=1)
-    total /= np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)
-    few.normal = launcher.array(total.astype(np.float32), wp.vec3)
+    mean = total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)
+    few.normal = launcher.array(mean.astype(np.float32), wp.vec3)
     return few, launcher.array(np.bincount(nearest[there], area, count).astype(np.float32), wp.float32)
