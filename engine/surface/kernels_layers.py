@@ -1,4 +1,4 @@
-"""Kernels of densities that are computed: noise, and the distance to shapes seen from above.
+"""Kernels of densities that are computed: noise, and the distance to shapes.
 
 Noise is Perlin's (K. Perlin, "Improving noise", SIGGRAPH 2002, doi:10.1145/566654.566636), with directions that a hash chooses.
 """
@@ -93,18 +93,21 @@ def sum_octaves(
 
 
 @wp.kernel(enable_backward=False)
-def measure_from_above(
+def measure_distance(
     first: int,
     mesh: wp.uint64,
-    middle: wp.vec2d,
+    middle: wp.vec3d,
+    from_above: int,
     position: wp.array(dtype=wp.vec3d),
     reach: float,
     # outputs
     distance: wp.array(dtype=float),
 ):
-    """Measure how far points are from a mesh that lies in the plane, seen from above; ``reach`` where it is farther than that."""
+    """Measure how far points are from a mesh; ``reach`` where it is farther than that. Seen from above it lies in the plane."""
     i = first + wp.tid()
-    query = wp.vec3(wp.float32(position[i][0] - middle[0]), wp.float32(position[i][1] - middle[1]), 0.0)
+    query = wp.vec3(position[i] - middle)
+    if from_above != 0:
+        query = wp.vec3(query[0], query[1], 0.0)
     distance[i] = reach
     hit = wp.mesh_query_point_no_sign(mesh, query, reach)
     if hit.result:

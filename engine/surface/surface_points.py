@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -24,11 +24,13 @@ class View(Protocol):
         mesh: The mesh.
         low: Smallest coordinates of its bounds [m], shape ``[3]``.
         high: Largest ones.
+        from_above: Whether only what is seen from above is looked at.
     """
 
     mesh: TriangleMesh
     low: np.ndarray
     high: np.ndarray
+    from_above: ClassVar[bool]
 
     def normals(self, triangle: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """Return shading normals of the side that is looked at, shape ``[n, 3]``, float32, of length 1."""

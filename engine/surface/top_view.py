@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 import warp as wp
 
@@ -34,6 +36,8 @@ class TopView:
         cosine: z of every triangle's unit normal, shape ``[t]``, float64; negative where it is seen from its back.
         projected_area: Area of all triangles seen from above [m²], also where they hide each other.
     """
+
+    from_above: ClassVar[bool] = True
 
     def __init__(self, mesh: TriangleMesh) -> None:
         self.mesh = mesh

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from copy import copy
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -46,6 +47,8 @@ class WholeSurface:
     Raises:
         ProblemError: No triangle with an area, or an extent that is too small or too large.
     """
+
+    from_above: ClassVar[bool] = False
 
     def __init__(self, mesh: TriangleMesh) -> None:
         self.mesh = mesh

@@ -45,6 +45,11 @@ class Shapes:
         """Numbers that differ where shapes do."""
         return checksum(self.triangle, *self.outlines)
 
+    @cached_property
+    def checksum_in_space(self) -> Hashable:
+        """Numbers that differ where faces, edges and points in space do."""
+        return checksum(self.solid)
+
 
 class _Shape(NamedTuple):
     triangle: np.ndarray

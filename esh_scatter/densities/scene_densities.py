@@ -40,7 +40,7 @@ class StoredCamera:
 @described
 @dataclass(frozen=True)
 class DistanceDensity(DensitySource):
-    """How near objects are, seen from above: 1 near them, 0 far from them.
+    """How near objects are: 1 near them, 0 far from them. It is measured as seen from above; on a whole surface, in space.
 
     Meshes reach as far as their faces, curves and edges as far as they go, and what has no geometry is where its origin is. Of the
     result of another scatter, its points are read.
@@ -76,18 +76,20 @@ class DistanceDensity(DensitySource):
         """Return it with the shapes of the objects."""
         return replace(self, source=read_shapes(self.source, key, known))
 
-    def content(self, _reader: DensityReader) -> Hashable | None:
+    def content(self, reader: DensityReader) -> Hashable | None:
         """Return the shapes, in short."""
         assert isinstance(self.source, Shapes)
-        return "distance", self.source.checksum, self.near, self.far, self.falloff
+        from_above = reader.points.view.from_above
+        shapes = self.source.checksum if from_above else self.source.checksum_in_space
+        return "distance", from_above, shapes, self.near, self.far, self.falloff
 
     def values(self, reader: DensityReader, _key: str) -> np.ndarray:
         """Return 1 near the objects."""
         # Warp is not imported before something is computed.
-        from ...engine.surface.shapes_from_above import FlatShapes
+        from ...engine.surface.near_shapes import NearShapes
 
         assert isinstance(self.source, Shapes)
-        shapes = FlatShapes(self.source.triangle)
+        shapes = NearShapes(self.source.triangle if reader.points.view.from_above else self.source.solid)
         reach = max(self.near, self.far)
         # A little farther, so that what lies at the far end is told from what lies beyond it.
         distance = shapes.distance(reader.points.position, 1.001 * reach + 1e-6)
@@ -133,7 +135,8 @@ class InsideDensity(DensitySource):
 
     def values(self, reader: DensityReader, _key: str) -> np.ndarray:
         """Return 1 inside."""
-        from ...engine.surface.shapes_from_above import FlatShapes, inside_outlines
+        from ...engine.surface.near_shapes import NearShapes
+        from ...engine.surface.shapes_from_above import inside_outlines
 
         assert isinstance(self.source, Shapes)
         position = reader.points.position
@@ -141,7 +144,7 @@ class InsideDensity(DensitySource):
         # One after the other: what lies inside two objects is not outside.
         for outline in self.source.outlines:
             inside |= inside_outlines(outline, position)
-        distance = FlatShapes(self.source.triangle).distance(position, 1.001 * self.falloff)
+        distance = NearShapes(self.source.triangle).distance(position, 1.001 * self.falloff)
         return np.where(inside, np.float32(1.0), within(distance, 0.0, 0.0, self.falloff))
 
 

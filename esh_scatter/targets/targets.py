@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import ClassVar
 
 import bpy
 import numpy as np
@@ -165,6 +166,8 @@ def stuck_attributes(points: SurfacePoints) -> dict[str, tuple[str, np.ndarray]]
 
 class _Faces:
     """A mesh's faces, wherever they look; what densities ask of a view."""
+
+    from_above: ClassVar[bool] = False
 
     def __init__(self, mesh: TriangleMesh) -> None:
         self.mesh = mesh

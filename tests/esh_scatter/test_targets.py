@@ -321,6 +321,25 @@ def test_both_sides_of_a_sheet():
     assert (values(outward.object, "ground_normal")[:, 2] > 0).all()
 
 
+def test_what_is_near_is_so_in_space_on_a_whole_surface():
+    """A post beside a box: near its middle only, not all along the column above and below it."""
+    box, one = added("cube", size=4.0), chip()
+    post = bpy.data.objects.new("Post", None)
+    bpy.context.scene.collection.objects.link(post)
+    post.location = (2.0, 0.0, 1.5)
+    bpy.context.view_layer.update()
+    made = scatter(box, classes(60, one, density=esh.DistanceDensity(post, 0.5, 1.0)), surface="whole", **OPTIONS)
+    away = np.linalg.norm(points(made.object) - np.array(post.location), axis=1)
+    assert away.max() < 1.2
+    # What is seen from above is as near as it looks from there.
+    post.location.z = -5.0
+    bpy.context.view_layer.update()
+    made = scatter(box, classes(20, one, density=esh.DistanceDensity(post, 0.5, 1.0)), surface="above", **OPTIONS)
+    assert np.linalg.norm(points(made.object)[:, :2] - [2.0, 0.0], axis=1).max() < 1.2
+    with pytest.raises(esh.ProblemError, match="0 everywhere"):
+        scatter(box, classes(20, one, density=esh.DistanceDensity(post, 0.5, 1.0)), surface="whole", **OPTIONS)
+
+
 def test_densities_are_read_everywhere_on_the_surface():
     """Within the large faces of a box: through its UV map, from a vertex group, from an attribute, and as a count."""
     box, one = added("cube", size=2.0), chip()

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
-from esh.engine.surface.shapes_from_above import FlatShapes, draw_shapes, inside_outlines
+import trimesh
+from esh.engine.surface.near_shapes import NearShapes
+from esh.engine.surface.shapes_from_above import draw_shapes, inside_outlines
 
 
 def to_segment(point, a, b):
@@ -33,16 +35,35 @@ def test_distances_to_triangles_segments_and_points(middle):
     where = points(rng, 5000, -3.0, 13.0)
     expected = np.min([to_triangle(where[:, :2], one) for one in triangle], axis=0)
     shift = np.array([middle, -middle, 0.0])
-    found = FlatShapes(triangle + shift[:2]).distance(where + shift, 100.0)
+    found = NearShapes(triangle + shift[:2]).distance(where + shift, 100.0)
     np.testing.assert_allclose(found, expected, atol=1e-4)
     assert (found == 0.0).any()
-    np.testing.assert_allclose(FlatShapes(triangle + shift[:2]).distance(where + shift, 0.5), np.minimum(found, 0.5))
+    np.testing.assert_allclose(NearShapes(triangle + shift[:2]).distance(where + shift, 0.5), np.minimum(found, 0.5))
+
+
+@pytest.mark.parametrize("middle", [0.0, 5e4])
+def test_distances_in_space(middle):
+    """To triangles, segments and points, those that stand or lie in one plane among them."""
+    rng = np.random.default_rng(5)
+    triangle = rng.uniform(0.0, 10.0, (60, 1, 3)) + rng.normal(0.0, 0.6, (60, 3, 3))
+    triangle[10:30, 2] = triangle[10:30, 1]
+    triangle[20:25, :, :2] = triangle[20:25, :1, :2]
+    triangle[30:40, 1:] = triangle[30:40, :1]
+    triangle[40:50, :, 2] = 0.0
+    where = rng.uniform(-3.0, 13.0, (3000, 3))
+    flat = np.concatenate([triangle[:10], triangle[40:]])
+    near = [trimesh.triangles.closest_point(np.broadcast_to(one, (len(where), 3, 3)), where) for one in flat]
+    to_faces = np.linalg.norm(np.array(near) - where, axis=2).min(axis=0)
+    to_lines = np.min([to_segment(where, *one[:2]) for one in triangle[10:40]], axis=0)
+    shift = np.array([middle, -middle, 0.5 * middle])
+    found = NearShapes(triangle + shift).distance(where + shift, 100.0)
+    np.testing.assert_allclose(found, np.minimum(to_faces, to_lines), atol=1e-3)
 
 
 def test_what_is_out_of_reach_is_as_far_as_that():
     one = np.zeros((1, 3, 2))
-    assert FlatShapes(one).distance(np.array([[30.0, 40.0, 7.0]]), 100.0) == pytest.approx([50.0])
-    assert FlatShapes(one).distance(np.array([[30.0, 40.0, 7.0]]), 20.0) == pytest.approx([20.0])
+    assert NearShapes(one).distance(np.array([[30.0, 40.0, 7.0]]), 100.0) == pytest.approx([50.0])
+    assert NearShapes(one).distance(np.array([[30.0, 40.0, 7.0]]), 20.0) == pytest.approx([20.0])
 
 
 def ring(radius, count=400, center=(0.0, 0.0)):
