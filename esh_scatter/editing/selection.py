@@ -19,6 +19,7 @@ from ..classes.flat_objects import lift_for
 from ..classes.object_outline import NoFacesError, outline_of, read_source
 from ..classes.sunk_objects import is_sunk, own_heights
 from ..classes.survey import Survey
+from ..classes.upright_objects import align_where, is_upright
 from ..targets.references import Reference
 from ..targets.targets import check_targets, read_targets
 from .left_out import LeftOut, Why
@@ -87,8 +88,7 @@ def measure(
 def _measured(item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh, outline: Outline) -> Measured:
     """Return what is known of something that takes ground."""
     height = float(np.ptp(mesh.position[:, 2]))
-    # Cards with grass on them stand, however wide they are.
-    stands = outline.is_around or height > max(outline.length, outline.width)
+    stands = is_upright(mesh, outline)
     taken = outline.area if outline.is_around else Footprint.polygon(outline.corners).area
     lift = 0.0 if stands else lift_for(float(np.ptp(mesh.position[:, :2], axis=0).max()), height)
     return Measured(item, outline.area, taken, stands, _stand_on(item, mesh), lift)
@@ -250,8 +250,7 @@ def add_classes(scatter: ESH_PG_scatter, measured: Sequence[Measured], counts: S
         size = body_class.sizes[0]
         size.count = count
         size.place(one.item)
-        # Trees stand upright; what lies, lies on the slope.
-        body_class.align_to_normal = 0.0 if one.upright else 1.0
+        body_class.align_to_normal = align_where(one.upright)
         body_class.stand_on, body_class.offset = one.stand_on, one.lift
         made.append(body_class)
     return made

@@ -30,7 +30,7 @@ class ESH_OT_class_add(Edit):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
-        selected_scatter(context).add_class()
+        selected_scatter(context).add_class().waits_for_first = True
         return {"FINISHED"}
 
 

@@ -81,6 +81,8 @@ class ESH_PG_class(PropertyGroup):
     )
     uid: IntProperty(options={"HIDDEN"})
     known_name: StringProperty(options={"HIDDEN"})
+    # It was added by hand, and nothing to place has been chosen yet.
+    waits_for_first: BoolProperty(options={"HIDDEN"})
     mute: BoolProperty(
         name="Mute", description="Leave this class out of the next run. Its settings stay as they are", default=False
     )

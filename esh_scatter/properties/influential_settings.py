@@ -24,6 +24,7 @@ WITHOUT_INFLUENCE = AT_ONCE | {
     "ran_with",
     "uid",
     "known_name",
+    "waits_for_first",
     "source_was_in_scene",
     "layer_index",
     "points_above",

@@ -9,6 +9,7 @@ from bpy.types import Object, PropertyGroup
 
 __all__ = [
     "NEW_CLASS",
+    "class_of",
     "class_renamed",
     "keep_name_unused",
     "name_class_after",
@@ -49,9 +50,14 @@ def _keep_unused(item: PropertyGroup, taken_elsewhere: set[str]) -> None:
         item.name = name
 
 
+def class_of(size: PropertyGroup) -> PropertyGroup:
+    """Return the class that a size belongs to."""
+    return size.id_data.path_resolve(size.path_from_id().rpartition(".sizes[")[0])
+
+
 def name_class_after(size: PropertyGroup) -> None:
     """Name a class that nobody has named after what its only size places."""
-    body_class = size.id_data.path_resolve(size.path_from_id().rpartition(".sizes[")[0])
+    body_class = class_of(size)
     stem, _, number = body_class.name.rpartition(" ")
     has_own = body_class.name != NEW_CLASS and not (stem == NEW_CLASS and number.isdecimal())
     if size.source is not None and len(body_class.sizes) == 1 and not has_own:

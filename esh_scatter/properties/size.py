@@ -14,7 +14,7 @@ from ...engine.problem.size import Size
 from ..targets.target import FAMILY_OF, is_result, members_of
 from .deleted import in_a_scene
 from .described import property_of, values_from
-from .names import keep_name_unused, name_class_after
+from .names import class_of, keep_name_unused, name_class_after
 from .shown_at_once import choose_variants_anew, place_others
 
 if TYPE_CHECKING:
@@ -33,8 +33,25 @@ def can_be_placed(_size: "ESH_PG_size", item: bpy.types.Object) -> bool:
 def remember_source(size: "ESH_PG_size", context: object) -> None:
     """Note whether the object to place is in a scene: if it no longer is later, it was deleted there."""
     size.source_was_in_scene = size.source_object is not None and in_a_scene(size.source_object)
+    _stand_as_first(size)
     name_class_after(size)
     place_others(size, context)
+
+
+def _stand_as_first(size: "ESH_PG_size") -> None:
+    """Have a class that was added by hand stand upright where the first thing that it places does, unless that was set already."""
+    body_class = class_of(size)
+    if size.source is None or not body_class.waits_for_first:
+        return
+    from ..classes.upright_objects import align_of
+
+    body_class.waits_for_first = False
+    # The objects of a collection are most likely alike, and measuring takes a moment.
+    item = next(iter(members_of(size.source)), None) if size.source_kind == "COLLECTION" else size.source
+    if item is not None and not body_class.is_property_set("align_to_normal"):
+        align = align_of(item, bpy.context)
+        if align is not None:
+            body_class.align_to_normal = align
 
 
 def list_variants(size: "ESH_PG_size", context: object) -> None:
@@ -46,6 +63,7 @@ def list_variants(size: "ESH_PG_size", context: object) -> None:
         entry.item = item
         if item in weights:
             entry.weight = weights[item]
+    _stand_as_first(size)
     name_class_after(size)
     place_others(size, context)
 

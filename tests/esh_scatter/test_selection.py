@@ -10,6 +10,7 @@ bpy = pytest.importorskip("bpy")
 from esh.engine.problem.scatter_settings import TargetSettings  # noqa: E402
 from esh.esh_scatter.classes.sunk_objects import sunk_share_of_class  # noqa: E402
 from esh.esh_scatter.editing import selection  # noqa: E402
+from esh.esh_scatter.editing.class_copy import copy_class  # noqa: E402
 from esh.esh_scatter.editing.selection import SelectionSurvey  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
@@ -644,3 +645,55 @@ def test_what_cannot_be_placed_is_named(ground):
     select(light, ground, active=ground)
     with pytest.raises(RuntimeError, match=r'"Lamp" cannot be placed: select meshes$'):
         bpy.ops.esh.scatter_selection()
+
+
+def family(name: str, *items: bpy.types.Object) -> bpy.types.Collection:
+    made = bpy.data.collections.new(name)
+    for item in items:
+        made.objects.link(item)
+    return made
+
+
+def added_by_hand(ground):
+    select(ground, active=ground)
+    if bpy.context.scene.esh_scatter.active is None:
+        bpy.ops.esh.scatter_add()
+    assert bpy.ops.esh.class_add() == {"FINISHED"}
+    return bpy.context.scene.esh_scatter.active.active_class
+
+
+def test_a_class_added_by_hand_stands_upright_where_its_first_object_is_a_tree(ground, objects):
+    tree, log, *_ = objects
+    kinds = {"OBJECT": (tree, log), "ASSET": (family("A tree", tree), family("A log", log)), "COLLECTION": ()}
+    kinds["COLLECTION"] = kinds["ASSET"]
+    for kind, sources in kinds.items():
+        for source, align in zip(sources, (0.0, 1.0), strict=True):
+            body_class = added_by_hand(ground)
+            size = body_class.sizes[0]
+            size.source_kind = kind
+            setattr(size, "source_object" if kind == "OBJECT" else "source_collection", source)
+            assert body_class.align_to_normal == align, (kind, source.name)
+    pine = added_by_hand(ground)
+    pine.sizes[0].source_object = None
+    pine.sizes[0].source_object = log
+    pine.sizes[0].source_object = tree
+    assert pine.align_to_normal == 1.0, "only the first says how it stands"
+
+
+def test_how_a_class_stands_is_left_alone_where_it_was_set_or_nobody_added_it_by_hand(ground, objects):
+    tree = objects[0]
+    body_class = added_by_hand(ground)
+    body_class.align_to_normal = 0.75
+    body_class.sizes[0].source_object = tree
+    assert body_class.align_to_normal == 0.75
+    scatter = bpy.context.scene.esh_scatter.active
+    by_script = scatter.add_class()
+    by_script.sizes[0].source_object = tree
+    assert by_script.align_to_normal == 1.0
+    assert bpy.ops.esh.class_duplicate() == {"FINISHED"}
+    assert scatter.active_class.sizes[0].source_object == tree and scatter.active_class.align_to_normal == 1.0
+    copied = added_by_hand(ground)
+    copy_class(by_script, copied, ("COUNT",))
+    assert copied.sizes[0].source_object == tree and copied.align_to_normal == 1.0, (
+        "as the class that it is copied from"
+    )
