@@ -53,7 +53,8 @@ LONGEST_JOIN = 5.0
 _PIXELS = {"PAINT_OT_image_paint", "IMAGE_OT_paint"}
 _STROKES = _PIXELS | {"PAINT_OT_weight_paint", "PAINT_OT_vertex_paint", "SCULPT_OT_brush_stroke"}
 
-# What the depsgraph can say that may be of ours; kinds of data that nothing is made of are not looked for.
+# What the depsgraph can say that may be of ours; kinds of data that nothing is made of are not looked for. Settings are the scene's:
+# when one is changed in the sidebar, Blender tags the scene, and says of its objects, too, that they have changed.
 _KINDS = ("OBJECT", "MESH", "IMAGE")
 
 # Scatters that are followed, by the scene's number and their own.

@@ -690,6 +690,39 @@ def test_nothing_listens_while_nothing_is_live(scatter, follow):
     assert not listening() and not live._followed
 
 
+def test_a_setting_changed_in_the_sidebar_is_looked_at_with_the_next_tick(scatter, follow, monkeypatch):
+    """Blender tags the scene for it, which a script that sets a property has to do itself."""
+    switch_on(scatter, follow)
+    (followed,) = live._followed.values()
+    looked = []
+    monkeypatch.setattr(followed, "_submit", lambda *_: looked.append(time.monotonic()))
+    monkeypatch.setattr(live, "AT_REST", 1e6)
+    # What the result has changed is told before.
+    bpy.context.view_layer.update()
+    monkeypatch.setattr(live, "_last_sign", 0.0)
+    scatter.classes["Pine"].sizes[0].count = 150
+    live._tick()
+    assert not looked, "nothing has said so"
+    bpy.context.scene.update_tag()
+    bpy.context.view_layer.update()
+    live._tick()
+    assert len(looked) == 1
+
+
+def test_looking_is_no_sign_of_a_change(scatter, follow):
+    """Otherwise it would go on looking with every tick."""
+    switch_on(scatter, follow)
+    scatter.classes["Pine"].sizes[0].count = 150
+    follow()
+    bpy.context.view_layer.update()
+    sign = live._last_sign
+    for _ in range(5):
+        time.sleep(live.AT_REST)
+        live._tick()
+        bpy.context.view_layer.update()
+    assert live._last_sign == sign
+
+
 def test_a_run_by_hand_is_where_it_goes_on_from(scatter, follow):
     switch_on(scatter, follow)
     scatter.seed = 3
