@@ -23,7 +23,9 @@ from ..properties.described import identifier_of, property_of, value_of
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import words
+from ..result.pins import lost_with_classes
 from ..result.real_objects import discard_real, real_objects_of
+from ..result.result import CLASS_NAMES
 from ..result.scene_units import in_scene_units, sentence
 from ..solving import running
 from ..targets.target import members_of
@@ -58,7 +60,23 @@ def before_a_run(context: bpy.types.Context, settings: ESH_PG_scatter) -> tuple[
             "They stay as they are, without the scatter. To keep their changes in it, click Back to Instances first",
         )
     count = bodies_ahead(settings)
-    return ("Place This Many Objects?", question(settings, count)) if count >= settings.cap else None
+    many = question(settings, count) if count >= settings.cap else ""
+    if lost := _lost_by_hand(context, settings):
+        # Whoever says yes is not asked again.
+        return "Scatter Without What Was Placed by Hand?", f"{lost}. {many}" if many else lost
+    return ("Place This Many Objects?", many) if many else None
+
+
+def _lost_by_hand(context: bpy.types.Context, settings: ESH_PG_scatter) -> str:
+    """Return, as a sentence, which objects were moved or pinned whose class the run leaves out; empty where there are none."""
+    result = settings.result_in(context.scene)
+    if result is None or result.type != "MESH":
+        return ""
+    sizes = [[size.name for size in c.sizes] for c in settings.ready_classes()]
+    names, numbers = str(result.get(CLASS_NAMES, "")), settings.classes_of_result(context.scene)
+    lost = lost_with_classes(result, names, sizes, numbers)
+    total = sum(lost.values())
+    return f"{total:,} moved or pinned object{'s' * (total > 1)} of {', '.join(lost)} will be lost" if lost else ""
 
 
 class _Run(bpy.types.Operator):

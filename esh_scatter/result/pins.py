@@ -44,6 +44,7 @@ __all__ = [
     "balls_of",
     "can_be_edited",
     "checksum_of",
+    "lost_with_classes",
     "moved_by_hand",
     "pin",
     "read_pins",
@@ -224,19 +225,7 @@ def read_pins(
     if result.mode == "EDIT" or PLACED_AT not in mesh.attributes or TO_ORIGIN not in mesh.attributes:
         return None
     stays = np.flatnonzero(staying(mesh))
-    class_index, size_index = read_attribute(mesh, "class_index")[stays], read_attribute(mesh, "size_index")[stays]
-    _, size_names = json.loads(names)
-    new_class, new_size = np.full(len(stays), -1), np.full(len(stays), -1)
-    for old in np.unique(class_index).tolist():
-        new = numbers[old] if old < min(len(numbers), len(size_names)) else None
-        if new is None:
-            continue
-        for number, size in enumerate(size_names[old]):
-            own = (class_index == old) & (size_index == number)
-            # A class with one size is known whatever that is called.
-            only = len(sizes[new]) == len(size_names[old]) == 1
-            known = 0 if only else list(sizes[new]).index(size) if size in sizes[new] else -1
-            new_class[own], new_size[own] = new, known
+    new_class, new_size = _known_now(mesh, stays, names, sizes, numbers)
     kept = new_size >= 0
     stays = stays[kept]
     if not len(stays):
@@ -261,6 +250,58 @@ def read_pins(
         now.turned[stays],
         turn,
     )
+
+
+def _known_now(
+    mesh: bpy.types.Mesh,
+    points: np.ndarray,
+    names: str,
+    sizes: Sequence[Sequence[str]],
+    numbers: Sequence[int | None],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return which class and size points of a result are of in the next run, of what :func:`read_pins` takes; -1 for none."""
+    class_index, size_index = read_attribute(mesh, "class_index")[points], read_attribute(mesh, "size_index")[points]
+    _, size_names = json.loads(names)
+    new_class, new_size = np.full(len(points), -1), np.full(len(points), -1)
+    for old in np.unique(class_index).tolist():
+        new = numbers[old] if old < min(len(numbers), len(size_names)) else None
+        if new is None:
+            continue
+        for number, size in enumerate(size_names[old]):
+            own = (class_index == old) & (size_index == number)
+            # A class with one size is known whatever that is called.
+            only = len(sizes[new]) == len(size_names[old]) == 1
+            known = 0 if only else list(sizes[new]).index(size) if size in sizes[new] else -1
+            new_class[own], new_size[own] = new, known
+    return new_class, new_size
+
+
+def lost_with_classes(
+    result: bpy.types.Object, names: str, sizes: Sequence[Sequence[str]], numbers: Sequence[int | None]
+) -> dict[str, int]:
+    """Return how many objects of a result would stay, but are of a class or size that the next run does not place.
+
+    Args:
+        result: What an earlier run has made.
+        names: Its names of classes, and of their sizes, as JSON.
+        sizes: By class that is placed now, the names of its sizes.
+        numbers: By class of the result, which of those that are placed now it is; None for none of them.
+
+    Returns:
+        By the name that the class had.
+    """
+    mesh = result.data
+    if not names or result.mode == "EDIT" or PLACED_AT not in mesh.attributes or TO_ORIGIN not in mesh.attributes:
+        return {}
+    stays = np.flatnonzero(staying(mesh))
+    if not len(stays):
+        return {}
+    _, size = _known_now(mesh, stays, names, sizes, numbers)
+    lost = read_attribute(mesh, "class_index")[stays[size < 0]]
+    classes = json.loads(names)[0]
+    return {
+        classes[number]: int((lost == number).sum()) for number in np.unique(lost).tolist() if number < len(classes)
+    }
 
 
 def _heading(rotation: np.ndarray) -> np.ndarray:

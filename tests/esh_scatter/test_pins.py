@@ -8,6 +8,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh import ScatterClass, ScatterSize, scatter  # noqa: E402
+from esh.esh_scatter.operators.run import before_a_run  # noqa: E402
 from esh.esh_scatter.result import pins, points_in_front  # noqa: E402
 from esh.esh_scatter.result.kept_ground import read_attribute, write_attribute  # noqa: E402
 from esh.esh_scatter.solving import live  # noqa: E402
@@ -547,3 +548,48 @@ def test_those_that_stay_can_be_selected(made):
         assert bpy.ops.esh.instances_select_pinned() == {"FINISHED"} and made.result.mode == "EDIT"
     bpy.ops.object.mode_set(mode="OBJECT")
     assert pins.selected_points(mesh).tolist() == [5, 8, 9]
+
+
+def mute(settings):
+    settings.classes["Pine"].mute = True
+
+
+def remove_class(settings):
+    settings.remove_class(0)
+
+
+def leave_out(settings):
+    settings.classes["Pine"].sizes[0].source_object = None
+
+
+def replace_sizes(settings):
+    for _ in range(2):
+        settings.classes["Pine"].add_size().source_object = bpy.data.objects["Pine"]
+    settings.classes["Pine"].sizes.remove(0)
+
+
+@pytest.mark.parametrize("change", [mute, remove_class, leave_out, replace_sizes])
+def test_a_run_that_leaves_out_what_was_placed_by_hand_is_asked_about(made, change):
+    mesh = made.result.data
+    pine, beech = (np.flatnonzero(read_attribute(mesh, "class_index") == number) for number in (0, 1))
+    change(made)
+    assert before_a_run(bpy.context, made) is None, "nothing was placed by hand"
+    move(mesh, pine[0], (3.0, 4.0))
+    title, text = before_a_run(bpy.context, made)
+    assert "by Hand" in title and text == "1 moved or pinned object of Pine will be lost"
+    pins.pin(mesh, np.concatenate([pine[1:3], beech[:4]]))
+    assert before_a_run(bpy.context, made)[1] == "3 moved or pinned objects of Pine will be lost"
+    made.cap = 10
+    assert before_a_run(bpy.context, made)[1].startswith("3 moved or pinned objects of Pine will be lost. ")
+    made.cap = 1_000_000
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    assert before_a_run(bpy.context, made) is None and pins.staying(made.result.data).sum() == 4
+
+
+def test_a_run_that_keeps_what_was_placed_by_hand_is_not_asked_about(made):
+    mesh = made.result.data
+    pins.pin(mesh, np.arange(3))
+    made.classes["Pine"].sizes[0].name = "Tall"
+    made.classes["Pine"].name = "Fir"
+    made.classes["Beech"].mute = True
+    assert before_a_run(bpy.context, made) is None
