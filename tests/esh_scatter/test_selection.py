@@ -527,6 +527,7 @@ def test_every_property_of_a_class_belongs_to_one_part():
 
     parts = [name for _, _, names in CLASS_PARTS.values() for name in names]
     own = {"rna_type", "name", "known_name", "uid", "color", "size_index", "mute", "show_viewport", "show_render"}
+    own |= {"waits_for_first"}
     assert len(parts) == len(set(parts))
     assert set(parts) | own == {told.identifier for told in ESH_PG_class.bl_rna.properties}
 
