@@ -12,6 +12,7 @@ from pathlib import Path
 
 import bpy
 import esh
+from scene_parts import add_camera
 
 FILE = Path(__file__).resolve().with_name("example.blend")
 
@@ -24,13 +25,11 @@ def main(file: Path) -> None:
             raise SystemExit("The example cannot be added")
         scene = bpy.context.scene
         scene.name = "Example"
-        bpy.ops.object.light_add(type="SUN", rotation=(0.9, 0.2, 0.6))
-        bpy.context.object.data.energy = 3.0
-        bpy.ops.object.camera_add(location=(0.0, -44.0, 36.0), rotation=(0.88, 0.0, 0.0))
-        scene.camera = bpy.context.object
-        scene.camera.data.lens = 38.0
+        sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+        sun.rotation_euler, sun.data.energy = (0.9, 0.2, 0.6), 3.0
+        scene.collection.objects.link(sun)
+        scene.camera = add_camera(scene, "Camera", (0.0, -44.0, 36.0), (0.0, 0.0, -0.5), lens=38.0)
         scene.world = bpy.data.worlds.new("Sky")
-        scene.world.color = (0.45, 0.6, 0.8)
         scene.world.use_nodes = True
         scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.45, 0.6, 0.8, 1.0)
         scene.view_settings.view_transform = "Standard"

@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from . import kernels_layers
-from .launching import launch_on_cpu
+from .launching import launch_on_cpu, mesh_on_cpu
 
 __all__ = ["NearShapes"]
 
@@ -33,11 +33,7 @@ class NearShapes:
         self._middle = 0.5 * (corner.min(axis=(0, 1)) + corner.max(axis=(0, 1)))
         corner -= self._middle
         self._extent = float(np.abs(corner).max())
-        vertex = _with_areas(corner, self._from_above).astype(np.float32).reshape(-1, 3)
-        self._mesh = wp.Mesh(
-            wp.array(vertex, dtype=wp.vec3, device="cpu"),
-            wp.array(np.arange(len(vertex), dtype=np.int32), dtype=wp.int32, device="cpu"),
-        )
+        self._mesh = mesh_on_cpu(_with_areas(corner, self._from_above))
 
     def distance(self, position: np.ndarray, reach: float) -> np.ndarray:
         """Return how far points are from the nearest of the shapes [m], 0 where they lie within a triangle.

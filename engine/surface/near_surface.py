@@ -9,7 +9,7 @@ import warp as wp
 
 from ..problem.surface import Surface
 from . import kernels_near_surface
-from .launching import launch_on_cpu
+from .launching import launch_on_cpu, mesh_on_cpu
 
 __all__ = ["NearSurface", "PlacesNear", "is_inside", "samples_of"]
 
@@ -46,7 +46,7 @@ class NearSurface:
         self.surface = surface
         self._middle = 0.5 * (surface.low + surface.high)
         self._extent = float((surface.high - surface.low).max())
-        self._mesh = _mesh_of(surface.position[surface.triangle] - self._middle)
+        self._mesh = mesh_on_cpu(surface.position[surface.triangle] - self._middle)
         self._twin = _twins(surface)
 
     def towards(self, position: np.ndarray, normal: np.ndarray, within: np.ndarray) -> PlacesNear:
@@ -135,7 +135,7 @@ def is_inside(triangle: np.ndarray, position: np.ndarray) -> np.ndarray:
     middle = 0.5 * (low + high)
     corner = triangle - middle
     volume = float(np.einsum("nd,nd->n", corner[:, 0], np.cross(corner[:, 1], corner[:, 2])).sum())
-    mesh = _mesh_of(corner if volume >= 0.0 else corner[:, [0, 2, 1]], winding=True)
+    mesh = mesh_on_cpu(corner if volume >= 0.0 else corner[:, [0, 2, 1]], winding=True)
     inside = np.zeros(len(near), np.uint8)
     launch_on_cpu(kernels_near_surface.find_inside, len(near), [mesh.id, _single(position[near] - middle)], [inside])
     found[near] = inside != 0
@@ -175,15 +175,6 @@ def _middles(cuts: int) -> np.ndarray:
     beyond = column + row >= cuts
     u, v = np.where(beyond, 1.0 - u, u), np.where(beyond, 1.0 - v, v)
     return np.stack([1.0 - u - v, u, v], axis=1)
-
-
-def _mesh_of(corner: np.ndarray, *, winding: bool = False) -> wp.Mesh:
-    vertex = _single(corner.reshape(-1, 3))
-    return wp.Mesh(
-        wp.array(vertex, dtype=wp.vec3, device="cpu"),
-        wp.array(np.arange(len(vertex), dtype=np.int32), dtype=wp.int32, device="cpu"),
-        support_winding_number=winding,
-    )
 
 
 def _single(values: np.ndarray) -> np.ndarray:

@@ -14,8 +14,8 @@ from ...engine.problem.settings import Choice, described, setting
 from ...engine.problem.validation import show
 from ..targets.target import check_exists, world_matrix
 from .density_source import DensityReader, DensitySource, Known
-from .flat_shapes import Shapes, check_shapes, read_shapes
 from .ground_densities import within
+from .shapes import Shapes, check_shapes, read_shapes
 
 __all__ = ["CameraDensity", "DistanceDensity", "InsideDensity"]
 

@@ -221,10 +221,9 @@ def read_pins(
         sizes: By class that is placed now, the names of its sizes.
         numbers: By class of the result, which of those that are placed now it is; None for none of them.
     """
-    mesh = result.data
-    if result.mode == "EDIT" or PLACED_AT not in mesh.attributes or TO_ORIGIN not in mesh.attributes:
+    mesh, stays = result.data, _kept_by_hand(result)
+    if not len(stays):
         return None
-    stays = np.flatnonzero(staying(mesh))
     new_class, new_size = _known_now(mesh, stays, names, sizes, numbers)
     kept = new_size >= 0
     stays = stays[kept]
@@ -250,6 +249,14 @@ def read_pins(
         now.turned[stays],
         turn,
     )
+
+
+def _kept_by_hand(result: bpy.types.Object) -> np.ndarray:
+    """Return which points of a result were moved or pinned; none where it is edited, or is from before that could be told."""
+    mesh = result.data
+    if result.mode == "EDIT" or PLACED_AT not in mesh.attributes or TO_ORIGIN not in mesh.attributes:
+        return np.empty(0, np.int64)
+    return np.flatnonzero(staying(mesh))
 
 
 def _known_now(
@@ -290,11 +297,8 @@ def lost_with_classes(
     Returns:
         By the name that the class had.
     """
-    mesh = result.data
-    if not names or result.mode == "EDIT" or PLACED_AT not in mesh.attributes or TO_ORIGIN not in mesh.attributes:
-        return {}
-    stays = np.flatnonzero(staying(mesh))
-    if not len(stays):
+    mesh, stays = result.data, _kept_by_hand(result)
+    if not names or not len(stays):
         return {}
     _, size = _known_now(mesh, stays, names, sizes, numbers)
     lost = read_attribute(mesh, "class_index")[stays[size < 0]]

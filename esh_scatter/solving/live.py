@@ -18,18 +18,13 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ...engine.errors import EshError
-from ..classes.node_tree import parts_of
-from ..result.display import our_modifier
 from ..result.real_objects import real_objects_of
 from ..result.refused import as_sentence
-from ..result.replaced_data import Replaced, owned_by
 from ..targets import checksums
 from ..targets.references import Reference
-from . import running
-from .new_result import Kept, NewResult
+from . import running, undo_steps
 
 if TYPE_CHECKING:
-    from ..result.emptied_group import EmptiedGroup
     from .job import ScatterJob
     from .live_worker import LiveWorker, Outcome, Request
 
@@ -249,20 +244,13 @@ class _Live:
         assert job is not None and placement is not None
         result = scatter.result
         if self._shown is not job or result is None:
-            groups, before = _groups_of(result), None if result is None else owned_by(result)
-            kept, others = Kept.by(scatter), set() if scatter.result_in(context.scene) else set(context.scene.objects)
+            before = undo_steps.Before.by(scatter, context.scene)
             try:
                 result, _ = job.show(context)
-                if result != scatter.result and result not in others:
-                    _made[result.session_uid] = NewResult(scatter, result, kept, _scatter_of)
-                modifier = our_modifier(result)
-                if modifier is not None and _groups_of(result) != groups:
-                    _built[modifier.node_group.session_uid] = Reference(modifier.node_group, "group")
-                if before is not None and result == scatter.result and not owned_by(result).is_same(before):
-                    _replaced.setdefault(result.session_uid, Replaced(result)).add(before)
             except EshError as error:
                 self._say(as_sentence(error))
                 return
+            undo_steps.note(before, scatter, result, _scatter_of)
             self.seconds = time.perf_counter() - self._submitted_at
         report = placement.report.to_dict() if placement.report is not None else scatter.report
         if report is None:
@@ -284,14 +272,6 @@ class _Live:
             self.message = message
             running.redraw_sidebars()
 
-
-# Node groups with parts that no undo step may know of yet, by their numbers, whoever uses them now; and those emptied for an undo.
-_built: dict[int, Reference] = {}
-_emptied: list[EmptiedGroup] = []
-# And those that have another mesh or group than the last step knows, because copies use the ones that they had.
-_replaced: dict[int, Replaced] = {}
-# And results that the last step may not know.
-_made: dict[int, NewResult] = {}
 
 # What made scatters stop living, by the scene's number and their own, until they live again.
 _stopped: dict[tuple[int, int], str] = {}
@@ -344,9 +324,7 @@ def end(wait: bool = False) -> None:
     _followed.clear()
     for live in ended:
         live.end()
-    _built.clear()
-    _replaced.clear()
-    _made.clear()
+    undo_steps.forget()
     _detach()
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
@@ -430,12 +408,6 @@ def _show_since(scatter: Scatter, job: ScatterJob, result: bpy.types.Object) -> 
                 scatter.remember_variants(now, k)
 
 
-def _groups_of(result: bpy.types.Object | None) -> set[int]:
-    """Return the numbers of a result's node group and of its parts."""
-    modifier = None if result is None else our_modifier(result)
-    return set() if modifier is None else {g.session_uid for g in (modifier.node_group, *parts_of(modifier.node_group))}
-
-
 def _points_of(result: bpy.types.Object | None) -> int | None:
     """Return a checksum of a result's points; None where they cannot be seen."""
     if result is None or result.type != "MESH" or result.mode == "EDIT" or "position" not in result.data.attributes:
@@ -471,34 +443,15 @@ def _something_changed(_scene: object, depsgraph: bpy.types.Depsgraph | None = N
 @persistent
 def _goes_back(*_arguments: object) -> None:
     """Before undo and redo nothing that stays may lead to what these free."""
-    from ..result.emptied_group import empty_group
-
-    groups = {uid: reference.find() for uid, reference in _built.items()}
-    for uid, group in groups.items():
-        if group is None:
-            _built.pop(uid)
-        else:
-            _emptied.append(empty_group(group))
-    for replaced in _replaced.values():
-        replaced.put_back()
-    for made in _made.values():
-        made.take_out()
+    undo_steps.go_back()
 
 
 @persistent
 def _went_back(*_arguments: object) -> None:
     """After undo and redo everything may be as it was before."""
-    from ..result.emptied_group import fill_group
-
     global _last_sign
     _last_sign = time.monotonic()
-    for uid in [uid for uid, replaced in _replaced.items() if not replaced.take_again()]:
-        _replaced.pop(uid)
-    for emptied in _emptied:
-        fill_group(emptied)
-    _emptied.clear()
-    for uid in [uid for uid, made in _made.items() if not made.put_again()]:
-        _made.pop(uid)
+    undo_steps.went_back()
     for live in _followed.values():
         live.look_at_points()
 
@@ -507,9 +460,7 @@ def _went_back(*_arguments: object) -> None:
 def _file_goes(*_arguments: object) -> None:
     """Another file is opened."""
     _stopped.clear()
-    _built.clear()
-    _replaced.clear()
-    _made.clear()
+    undo_steps.forget()
     for live in _followed.values():
         live.end()
     _followed.clear()
@@ -535,5 +486,5 @@ def _attach() -> None:
 
 def _detach() -> None:
     for handlers, hook in _hooks():
-        if hook in handlers and not ((_built or _replaced or _made) and hook in (_goes_back, _went_back)):
+        if hook in handlers and not (undo_steps.is_any_noted() and hook in (_goes_back, _went_back)):
             handlers.remove(hook)

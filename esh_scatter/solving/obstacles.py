@@ -23,7 +23,7 @@ from ...engine.problem.settings import Settings, described, setting
 from ...engine.problem.validation import show
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ..densities.density_source import Known
-from ..densities.flat_shapes import check_shapes, read_shapes, shape_objects
+from ..densities.shapes import check_shapes, read_shapes, shape_objects
 from ..result.display import shown_objects
 from ..result.kept_ground import read_attribute
 from ..result.node_group import INSTANCE_INDEX
