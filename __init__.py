@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from .engine.problem.size import Size
     from .engine.problem.surface import PointsOnSurface, Surface, SurfaceMesh
     from .engine.problem.surface_density import SurfaceAttribute, SurfaceImage, SurfaceTriplanar
-    from .engine.problem.surface_directions import SurfaceVectors
+    from .engine.problem.surface_directions import AlongCurves, SurfaceVectors
     from .engine.scenes.solve_many import solve_many
     from .engine.solve import solve
     from .engine.solver.body_flags import BodyFlags
@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from .engine.tiles.tiles import TileState, solve_tiles
     from .esh_scatter.api import ScatterClass, ScatterJob, ScatterResult, ScatterSize, scatter
     from .esh_scatter.classes.amount import Amount
+    from .esh_scatter.classes.directions import AttributeDirection, CurveDirection
     from .esh_scatter.classes.object_outline import measure_footprint
     from .esh_scatter.densities.kinds import (
         AltitudeDensity,
@@ -78,9 +79,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "__version__",
+    "AlongCurves",
     "AltitudeDensity",
     "Amount",
     "AttributeDensity",
+    "AttributeDirection",
     "Balance",
     "Bodies",
     "BodyClass",
@@ -90,6 +93,7 @@ __all__ = [
     "ClassDensity",
     "ClassReport",
     "Cover",
+    "CurveDirection",
     "Density",
     "DensityLayer",
     "DensityStack",
@@ -174,9 +178,11 @@ __all__ = [
 
 # Public name -> module that holds it. Those of `esh_scatter` need Blender, as an application or as pip's `bpy`.
 _MODULES = {
+    "AlongCurves": ".engine.problem.surface_directions",
     "AltitudeDensity": ".esh_scatter.densities.kinds",
     "Amount": ".esh_scatter.classes.amount",
     "AttributeDensity": ".esh_scatter.densities.kinds",
+    "AttributeDirection": ".esh_scatter.classes.directions",
     "Balance": ".engine.problem.balance",
     "Bodies": ".engine.files.bodies",
     "BodyClass": ".engine.problem.body_class",
@@ -187,6 +193,7 @@ _MODULES = {
     "ClassReport": ".engine.problem.report",
     "Cover": ".engine.problem.cover",
     "Density": ".esh_scatter.densities.kinds",
+    "CurveDirection": ".esh_scatter.classes.directions",
     "DensityLayer": ".esh_scatter.densities.kinds",
     "DensityStack": ".esh_scatter.densities.kinds",
     "DeviceError": ".engine.errors",

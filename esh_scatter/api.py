@@ -19,6 +19,7 @@ from ..engine.problem.settings import takes
 from ..engine.problem.validation import check_progress
 from ..engine.solver.solver import Progress
 from .classes.amount import Amount
+from .classes.directions import AttributeDirection, CurveDirection
 from .classes.scatter_class import ScatterClass, ScatterSize
 from .densities.kinds import (
     AltitudeDensity,
@@ -43,8 +44,10 @@ __all__ = [
     "AltitudeDensity",
     "Amount",
     "AttributeDensity",
+    "AttributeDirection",
     "CameraDensity",
     "ClassDensity",
+    "CurveDirection",
     "DensityLayer",
     "DensityStack",
     "DistanceDensity",

@@ -212,7 +212,10 @@ def recipe_densities(path: str | Path | ParsedRecipe) -> list[Path]:
             names.append(size.get("slope") if isinstance(size, dict) else None)
             line = size.get("line") if isinstance(size, dict) else None
             if isinstance(line, dict):
-                names += [line.get("length"), line.get("direction") if line.get("direction") not in WORDS else None]
+                direction = line.get("direction")
+                if isinstance(direction, dict):
+                    direction = direction.get("curve")
+                names += [line.get("length"), direction if direction not in WORDS else None]
     image = recipe.get("image")
     names.append(image.get("file") if isinstance(image, dict) else None)
     names += files_of_tables(recipe)

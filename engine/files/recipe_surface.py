@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ..errors import InputFileError, ProblemError
 from ..problem import validation
 from ..problem.surface import Surface, SurfaceMesh
 from ..problem.surface_density import SurfaceAttribute, SurfaceDensity, SurfaceImage, SurfaceTriplanar
-from ..problem.surface_directions import SurfaceVectors
+from ..problem.surface_directions import AlongCurves, SurfaceDirection, SurfaceVectors
 from ..problem.validation import show
+from .csv_files import read_csv
 from .image_files import read_density
+from .input_file import check_is_file
 from .mesh_files import read_meshes
 from .recipe_table import RecipeTable
 
@@ -48,10 +53,31 @@ def read_surface_density(table: RecipeTable) -> SurfaceDensity:
     return table.build(lambda: SurfaceImage(image))
 
 
-def read_surface_direction(table: RecipeTable) -> SurfaceVectors:
-    """Return the direction on a surface that a table ``direction = { attribute = ... }`` describes."""
-    table.check_keys("attribute")
-    return SurfaceVectors(table.take("attribute", validation.check_name))
+def read_surface_direction(table: RecipeTable) -> SurfaceDirection:
+    """Return the direction on a surface that a table ``direction = { ... }`` describes."""
+    table.check_keys("attribute", "curve")
+    given = [name for name in ("attribute", "curve") if name in table.entries]
+    if len(given) != 1:
+        raise table.error(
+            "attribute", "or `curve` must be given: one of the two" if not given else "cannot be combined with `curve`"
+        )
+    if given == ["attribute"]:
+        return SurfaceVectors(table.take("attribute", validation.check_name))
+    curves = table.entries["curve"]
+    if isinstance(curves, str):
+        curves = table.read("curve", _read_curves)
+    return table.build(lambda: AlongCurves(curves))
+
+
+def _read_curves(path: Path) -> list[np.ndarray]:
+    """Return the curves of a table, shape ``[m, 3]`` each: points one after the other, of several with the numbers of theirs."""
+    check_is_file(path, "curves are a .csv file")
+    columns = read_csv(path, ("x", "y", "z", "curve")).columns
+    if "z" not in columns:
+        raise InputFileError(f"{path} must have the columns `x`, `y` and `z`, and may have `curve`")
+    point = np.stack([columns[axis] for axis in "xyz"], axis=1)
+    number = columns.get("curve", np.zeros(len(point)))
+    return [point[number == one] for one in dict.fromkeys(number.tolist())]
 
 
 def surface_files(recipe: dict[str, Any]) -> list[object]:

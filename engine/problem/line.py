@@ -56,7 +56,7 @@ class Line(Settings):
             '``"none"``, an angle [rad], an image of angles, or an image ``[height, width, 2]`` of vectors (x to the right, y up) '
             "whose lengths 0..1 weigh them. A line has no front: angles count modulo pi. On a surface: "
             '``"density"``, ``"none"``, ``"slope"`` (where water runs), or a function of points, such as '
-            ":class:`~esh.SurfaceVectors`, that returns a vector for each",
+            ":class:`~esh.SurfaceVectors` or :class:`~esh.AlongCurves`, that returns a vector for each",
             check=_check_direction,
         ),
     )

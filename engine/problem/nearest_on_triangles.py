@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["corner_weights", "nearest_in", "nearest_on_triangles"]
+__all__ = ["corner_weights", "morton_order", "nearest_in", "nearest_on_triangles"]
 
 # Triangles are as near as others within this share of the distance to the nearest middle of one.
 AS_NEAR = 1e-6
@@ -52,7 +52,7 @@ class _Blocks:
 
     def __init__(self, corner: np.ndarray, chosen: np.ndarray) -> None:
         middle = corner[chosen].mean(axis=1)
-        order = chosen[_along_curve(middle)]
+        order = chosen[morton_order(middle)]
         self._triangle, self._middle = order, corner[order].mean(axis=1)
         self._low, self._high = corner[order].min(axis=1), corner[order].max(axis=1)
         self._start = np.append(np.arange(0, len(order), TRIANGLES_OF_BLOCK), len(order))
@@ -73,7 +73,7 @@ class _Blocks:
         return np.sort(self._triangle[rows]), near
 
 
-def _along_curve(position: np.ndarray) -> np.ndarray:
+def morton_order(position: np.ndarray) -> np.ndarray:
     """An order of points ``[n, 3]`` in which neighbors follow each other: that of their cells along Morton's curve."""
     low, high = position.min(axis=0), position.max(axis=0)
     steps = (1 << BITS_OF_CELL) - 1

@@ -52,7 +52,13 @@ def joined(meshes: Sequence[TriangleMesh], name: str) -> TriangleMesh:
             key: _stacked([mesh.vertex_group.get(key) for mesh in meshes], counts["vertex"])
             for key in dict.fromkeys(key for mesh in meshes for key in mesh.vertex_group)
         },
-        attribute={key: _joined_attribute(meshes, key) for key in sorted(usable)},
+        attribute={
+            key: _joined_attribute(meshes, [mesh.attribute.get(key) for mesh in meshes]) for key in sorted(usable)
+        },
+        vector={
+            key: _joined_attribute(meshes, [mesh.vector.get(key) for mesh in meshes])
+            for key in sorted({key for mesh in meshes for key in mesh.vector})
+        },
         unusable_attribute={
             key: why for mesh in meshes for key, why in mesh.unusable_attribute.items() if key not in usable
         },
@@ -98,13 +104,14 @@ def _stacked(values: Sequence[np.ndarray | None], count: Sequence[int]) -> np.nd
     )
 
 
-def _joined_attribute(meshes: Sequence[TriangleMesh], name: str) -> tuple[str, np.ndarray]:
+def _joined_attribute(
+    meshes: Sequence[TriangleMesh], found: Sequence[tuple[str, np.ndarray] | None]
+) -> tuple[str, np.ndarray]:
     """Return an attribute on the face corners of all meshes, whatever it is stored on; numbers where some are no colors."""
-    found = [mesh.attribute.get(name) for mesh in meshes]
     known = [entry for entry in found if entry is not None]
     if not any(len(values) for _, values in known):
         return known[0]
-    width = 4 if all(values.ndim == 2 for _, values in known) else 1
+    width = known[0][1].shape[1] if all(values.ndim == 2 for _, values in known) else 1
     parts = []
     for mesh, entry in zip(meshes, found, strict=True):
         shape = (mesh.corner_count,) if width == 1 else (mesh.corner_count, width)

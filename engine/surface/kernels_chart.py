@@ -200,7 +200,7 @@ def interpolate_lattice(
     # outputs
     value: wp.array(dtype=wp.float64),
 ):
-    """Interpolate values that are known at evenly spaced points of every triangle, ``cuts`` steps along each side; 0 or more."""
+    """Interpolate values that are known at evenly spaced points of every triangle, ``cuts`` steps along each side."""
     i = first + wp.tid()
     start, steps = first_point[triangle[i]], int(cuts[triangle[i]])
     one, zero = wp.float64(1.0), wp.float64(0.0)
@@ -217,5 +217,4 @@ def interpolate_lattice(
     else:
         a = values[lattice_point(start, steps, column, row)]
     u, v = wp.clamp(u, zero, one), wp.clamp(v, zero, one)
-    total = (one - u - v) * wp.float64(a) + u * wp.float64(b) + v * wp.float64(c)
-    value[i] = wp.max(total, zero)
+    value[i] = (one - u - v) * wp.float64(a) + u * wp.float64(b) + v * wp.float64(c)

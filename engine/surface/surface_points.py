@@ -116,8 +116,21 @@ class SurfacePoints:
         if name not in mesh.attribute:
             raise ProblemError(f'{key}: {mesh.name} has no attribute "{name}"; it has {_names(mesh.attribute)}')
         domain, values = mesh.attribute[name]
-        if values.ndim == 2:
-            values = luminance(values)
+        return self._stored(domain, luminance(values) if values.ndim == 2 else values)
+
+    def vectors(self, name: str, key: str) -> np.ndarray:
+        """Return the vectors of an attribute in the world, shape ``[n, 3]``."""
+        mesh = self.view.mesh
+        if name not in mesh.vector:
+            raise ProblemError(
+                f'{key}: {mesh.name} has no attribute "{name}" of vectors on points, faces or face corners; it has '
+                f"{_names(mesh.vector)}"
+            )
+        return self._stored(*mesh.vector[name])
+
+    def _stored(self, domain: str, values: np.ndarray) -> np.ndarray:
+        """Return values of the mesh's points, faces or face corners, shape ``[n]`` or ``[n, k]`` as they are."""
+        mesh = self.view.mesh
         if domain == "FACE":
             return values[mesh.face[self.triangle]]
         return self._blend(values, mesh.triangle if domain == "POINT" else mesh.corner)

@@ -32,6 +32,7 @@ class TriangleMesh:
         vertex_group: Name -> weights, shape ``[v]``.
         attribute: Name -> (domain, values of shape ``[n]`` or colors of shape ``[n, 4]``).
         unusable_attribute: Name -> why it is no density.
+        vector: Name -> (domain, vectors in the world, shape ``[n, 3]``).
         first_vertex: Of every mesh that was joined, its first vertex, shape ``[m]``.
         first_face: And its first face.
         corner_count: Number of face corners.
@@ -53,6 +54,7 @@ class TriangleMesh:
     vertex_group: dict[str, np.ndarray] = field(default_factory=dict)
     attribute: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
     unusable_attribute: dict[str, str] = field(default_factory=dict)
+    vector: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
     first_vertex: np.ndarray = field(default_factory=lambda: np.zeros(1, np.int64))
     first_face: np.ndarray = field(default_factory=lambda: np.zeros(1, np.int64))
     corner_count: int = 0

@@ -6,6 +6,7 @@ the solver can ask for them anywhere.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 from functools import cached_property
 from typing import ClassVar
@@ -108,6 +109,15 @@ class WholeSurface:
         """Return values of :attr:`points` as a function of points on :attr:`surface`."""
         return SampledDensity(np.asarray(values, np.float32), self._cuts, self._first)
 
+    def vectors(self, values: np.ndarray) -> Callable[[PointsOnSurface], np.ndarray]:
+        """Return vectors at :attr:`points`, shape ``[n, 3]``, as a function of points on :attr:`surface`."""
+        parts = [np.ascontiguousarray(values[:, k], np.float32) for k in range(3)]
+
+        def between(points: PointsOnSurface) -> np.ndarray:
+            return np.stack([_interpolated(part, self._cuts, self._first, points) for part in parts], axis=1)
+
+        return between
+
     def pieces(self) -> np.ndarray:
         """Return the small triangles between neighbors of :attr:`points`, shape ``[k, 3]``: they cover the surface."""
         found = []
@@ -185,13 +195,18 @@ class SampledDensity:
         self.values, self._cuts, self._first = values, cuts, first
 
     def __call__(self, points: PointsOnSurface) -> np.ndarray:
-        """Return the values at points, shape ``[n]``, float64."""
-        _, triangle, barycentric = points.source()
-        value = np.empty(len(triangle))
-        index = (np.ascontiguousarray(numbers, np.int64) for numbers in (self._cuts, self._first, triangle))
-        inputs = [self.values, *index, np.ascontiguousarray(barycentric, np.float64)]
-        launch_on_cpu(kernels_chart.interpolate_lattice, len(value), inputs, [value])
-        return value
+        """Return the values at points, 0 or more, shape ``[n]``, float64."""
+        return np.maximum(_interpolated(self.values, self._cuts, self._first, points), 0.0)
+
+
+def _interpolated(values: np.ndarray, cuts: np.ndarray, first: np.ndarray, points: PointsOnSurface) -> np.ndarray:
+    """Return values that are known as :class:`SampledDensity` says at points, shape ``[n]``, float64."""
+    _, triangle, barycentric = points.source()
+    value = np.empty(len(triangle))
+    index = (np.ascontiguousarray(numbers, np.int64) for numbers in (cuts, first, triangle))
+    inputs = [values, *index, np.ascontiguousarray(barycentric, np.float64)]
+    launch_on_cpu(kernels_chart.interpolate_lattice, len(value), inputs, [value])
+    return value
 
 
 def _pieces(cuts: int) -> np.ndarray:

@@ -29,7 +29,7 @@ from .outlined_sizes import OutlinedSizes
 from .scatter_class import ScatterClass, standing_of, turns_freely
 from .sources import EDGE_SCALES, SizeShape, engine_size, with_any_outline
 
-__all__ = ["ClassesFromAbove"]
+__all__ = ["ClassesFromAbove", "directions_from_above"]
 
 
 class _Asked(NamedTuple):
@@ -194,9 +194,7 @@ def _share_of_cover(asked: list[_Asked]) -> float:
 
 def _slope_directions(chart: Chart) -> str | np.ndarray:
     """Return where water runs on the surface as a :class:`Line` takes it; what is steep weighs more."""
-    normal = chart.points.normal
-    downhill = np.stack([chart.continued(normal[:, k]) for k in (0, 1)], axis=-1)
-    return downhill if downhill.any() else "none"
+    return directions_from_above(chart, chart.points.normal)
 
 
 def _edge_directions(chart: Chart, density: np.ndarray) -> str | np.ndarray:
@@ -210,6 +208,12 @@ def _edge_directions(chart: Chart, density: np.ndarray) -> str | np.ndarray:
         return "none"
     weight /= weight.max()
     return weight[..., None] * np.stack([np.cos(edges.angle), np.sin(edges.angle)], axis=-1)
+
+
+def directions_from_above(chart: Chart, vectors: np.ndarray) -> str | np.ndarray:
+    """Return vectors along the surface at the chart's points, shape ``[n, 3]``, as a :class:`Line` takes them."""
+    field = np.stack([chart.continued(vectors[:, k]) for k in (0, 1)], axis=-1)
+    return field if field.any() else "none"
 
 
 def _number(chart: Chart, amount: Amount, asked: BodyClass, density: np.ndarray) -> int:

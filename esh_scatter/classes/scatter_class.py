@@ -23,6 +23,7 @@ from ..densities.density_source import Density
 from ..densities.image_pixels import image_pixels
 from ..targets.target import check_exists
 from .amount import Amount
+from .directions import DirectionSource
 
 __all__ = [
     "ScatterClass",
@@ -161,13 +162,14 @@ class ScatterClass(ClassSettings):
         default=None,
         metadata=setting("How objects of this class stand", more="None: as all others do", of=Standing),
     )
-    direction: str | float | np.ndarray | bpy.types.Image = field(
+    direction: str | float | np.ndarray | bpy.types.Image | DirectionSource = field(
         default="density",
         metadata=setting(
             "Where long objects of this class point, seen from above",
             more='``"density"`` (along its edges, of which the target\'s border is none), ``"none"``, ``"slope"`` (where water runs), '
             "an angle [rad], an array of angles or vectors (see :class:`~esh.Line`), or an image of Blender whose red and green are x "
-            "and y; images are stretched over the target. A size whose ``line`` is a :class:`~esh.Line` has its own",
+            "and y; images are stretched over the target. Or a :class:`~esh.CurveDirection` or an :class:`~esh.AttributeDirection`, "
+            "which point along the surface. A size whose ``line`` is a :class:`~esh.Line` has its own",
             check=as_given,
         ),
     )
@@ -219,11 +221,11 @@ def check_classes(classes: object) -> list[ScatterClass]:
     return list(classes)
 
 
-def direction_of(scatter_class: ScatterClass) -> str | float | np.ndarray:
-    """Return where long bodies point as a :class:`Line` takes it; raise ProblemError for what has no meaning."""
+def direction_of(scatter_class: ScatterClass) -> str | float | np.ndarray | DirectionSource:
+    """Return where long bodies point as a :class:`Line` takes it, or what it is read from; raise ProblemError for anything else."""
     key = f'`direction` of class "{scatter_class.name}"'
     direction = scatter_class.direction
-    if isinstance(direction, str) and direction == SLOPE:
+    if isinstance(direction, DirectionSource) or (isinstance(direction, str) and direction == SLOPE):
         return direction
     if isinstance(direction, bpy.types.Image):
         pixels = image_pixels(direction, key)

@@ -19,6 +19,7 @@ from ...engine.problem.footprint import MOST_CORNERS, Footprint
 from ...engine.problem.footprints import Footprints
 from ...engine.problem.line import Line
 from ...engine.problem.size import Size
+from ...engine.problem.surface_directions import SurfaceDirection
 from ...engine.problem.validation import check_area_or_range, show
 from ...engine.surface.chart import RESOLUTION
 from ...engine.surface.mesh_outline import Outline
@@ -189,7 +190,11 @@ def _weights(size: ScatterSize, members: Sequence[bpy.types.ID], key: str) -> np
 
 
 def measure_size(
-    size: ScatterSize, source: SizeSource, direction: str | float | np.ndarray, survey: Survey, scale: float = 1.0
+    size: ScatterSize,
+    source: SizeSource,
+    direction: str | float | np.ndarray | SurfaceDirection,
+    survey: Survey,
+    scale: float = 1.0,
 ) -> SizeShape:
     """Measure the outlines that are needed, and decide whether the bodies are dots or lines; all of them larger by ``scale``."""
     area = source.area
@@ -225,7 +230,7 @@ def _outline(mesh: TriangleMesh | ProblemError | None, key: str, survey: Survey)
 
 
 def _line_around(
-    outlines: list[Outline], direction: str | float | np.ndarray, area: float | tuple[float, float]
+    outlines: list[Outline], direction: str | float | np.ndarray | SurfaceDirection, area: float | tuple[float, float]
 ) -> Line:
     """A stiff capsule as long and as wide as the largest of the outlines, scaled to the largest area of a range."""
     scale = 1.0

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 
 import numpy as np
 
+from ...engine.errors import ProblemError
 from ...engine.problem.domain import Domain
 from ...engine.problem.obstacles import Obstacle
 from ...engine.problem.scatter_settings import BorderSettings, TargetSettings
 from ...engine.problem.surface import Surface
 from ...engine.surface.chart import RESOLUTION, Chart
 from ...engine.surface.mesh_outline import Outline
+from ...engine.surface.surface_points import SurfacePoints
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ...engine.surface.whole_surface import WholeSurface
 from ..densities.density_source import DensityReader, checksum
 from ..targets.targets import chart_of
+from .directions import DirectionSource
 from .object_outline import outline_of
 
 __all__ = ["Survey"]
@@ -103,13 +106,37 @@ class Survey:
             reader: Knows what the classes follow, and the chart's points.
             chart: Of the last :meth:`begin`.
         """
-        content = reader.content(name)
+        return self._kept(reader.content(name), lambda: _continued(chart, reader.class_density(name)))
+
+    def directions(self, source: DirectionSource, chart: Chart | WholeSurface, key: str) -> np.ndarray:
+        """Return where long bodies lie along at a chart's points, along the surface, shape ``[n, 3]``; lengths up to 1 weigh.
+
+        Raises:
+            ProblemError: What is asked for is missing, or it points nowhere.
+        """
+        points = chart.points
+        content = source.content(points)
+        return self._kept(content and ("direction", content), lambda: _along_surface(source, points, key))
+
+    def _kept(self, content: Hashable | None, work: Callable[[], np.ndarray]) -> np.ndarray:
+        """Return what was worked out of the same content, or work it out; what has none is worked out every time."""
         if content is None:
-            return _continued(chart, reader.class_density(name))
+            return work()
         self._used.add(content)
         if content not in self._densities:
-            self._densities[content] = _continued(chart, reader.class_density(name))
+            self._densities[content] = work()
         return self._densities[content]
+
+
+def _along_surface(source: DirectionSource, points: SurfacePoints, key: str) -> np.ndarray:
+    vector = source.vectors(points, key).astype(np.float64)
+    if not np.isfinite(vector).all():
+        raise ProblemError(f"{key} must be finite everywhere; it holds NaN or infinity on {points.target_name}")
+    normal = points.normal
+    vector -= (vector * normal).sum(axis=1, keepdims=True) * normal
+    if not vector.any():
+        raise ProblemError(f"{key} must point along {points.target_name} somewhere; it points nowhere")
+    return vector / np.maximum(np.linalg.norm(vector, axis=1, keepdims=True), 1.0)
 
 
 def _continued(chart: Chart | WholeSurface, values: np.ndarray) -> np.ndarray:

@@ -31,7 +31,8 @@ CLASS_PARTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
         "Direction and Detail",
         "Where long ones point, and what is done to the density",
         (
-            *("direction_kind", "direction_angle", "direction_image", "may_overlap"),
+            *("direction_kind", "direction_angle", "direction_image", "direction_object", "direction_attribute"),
+            "may_overlap",
             *(shown.name for shown in shown_settings(ClassSettings, (*KEPT_APART, "look_at"))),
         ),
     ),

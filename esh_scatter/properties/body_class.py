@@ -25,11 +25,12 @@ from ...engine.problem.scatter_settings import Standing
 from ...engine.problem.settings import settings_of
 from ..classes.amount import Amount
 from ..result.scene_units import area_unit, in_scene_units
+from ..targets.target import DOMAINS, VECTOR
 from .deleted import deleted_name
 from .described import property_of, values_from, with_properties
 from .entries import entry_at
 from .layer import ESH_PG_layer
-from .names import class_renamed, unused_name
+from .names import class_renamed, scatter_of, unused_name
 from .shown_at_once import paint_class_anew, show_class_anew, stand_class_anew
 from .size import ESH_PG_size
 
@@ -55,6 +56,15 @@ CLASS_COLORS = (
 # Ways to say how many that need the ground to become a number.
 DERIVED_COUNTS = {"PER_AREA": "per_area", "DISTANCE": "distance", "SHARE": "cover_share"}
 _AMOUNT = settings_of(Amount)
+
+
+def _vector_attributes(body_class: "ESH_PG_class", _context: object, _text: str) -> list[str]:
+    """Name the attributes of the target that long objects can lie along."""
+    target = scatter_of(body_class).first_target
+    if target is None or target.type != "MESH":
+        return []
+    found = [a.name for a in target.data.attributes if a.data_type == VECTOR and a.domain in DOMAINS]
+    return [name for name in found if name != "position" and not name.startswith(".")]
 
 
 @with_properties(Standing, **{name: {"update": stand_class_anew} for name in settings_of(Standing)})
@@ -112,7 +122,7 @@ class ESH_PG_class(PropertyGroup):
     layer_index: IntProperty(name="Selected Layer", description="The layer that is shown below the list")
     direction_kind: EnumProperty(
         name="Direction",
-        description="Where long objects of this class point, seen from above",
+        description="Where long objects of this class point",
         items=(
             (
                 "DENSITY",
@@ -131,6 +141,14 @@ class ESH_PG_class(PropertyGroup):
                 "FORCE_WIND",
                 3,
             ),
+            ("CURVE", "Along Curve", "Along the nearest curve, on walls and undersides too", "CURVE_PATH", 5),
+            (
+                "ATTRIBUTE",
+                "Attribute",
+                "Along vectors that are stored on the target, for example by geometry nodes",
+                "SPREADSHEET",
+                6,
+            ),
         ),
         default="DENSITY",
     )
@@ -141,6 +159,17 @@ class ESH_PG_class(PropertyGroup):
         type=bpy.types.Image,
         name="Flow Image",
         description="Flow image. It is stretched over the extent of the target in x and y",
+    )
+    direction_object: PointerProperty(
+        type=bpy.types.Object,
+        name="Curve",
+        description="What long objects lie along: a curve, or a mesh of edges without faces",
+        poll=lambda _self, candidate: candidate.type in {"CURVE", "MESH"},
+    )
+    direction_attribute: StringProperty(
+        name="Attribute",
+        description="Attribute of the target that holds vectors, in its own axes. Where they are short, they count for less",
+        search=_vector_attributes,
     )
     look_at_object: PointerProperty(
         type=bpy.types.Object,
@@ -297,6 +326,8 @@ class ESH_PG_class(PropertyGroup):
                 return f'Class "{self.name}"{where}: {missing}'
         if self.direction_kind == "IMAGE" and self.direction_image is None:
             return f'Class "{self.name}": choose its flow image'
+        if missing := self._direction_obstacle():
+            return f'Class "{self.name}": {missing}'
         if deleted := self._deleted_look():
             return f'Class "{self.name}": "{deleted}" was deleted; choose another object to look at'
         if not self.sizes:
@@ -307,11 +338,22 @@ class ESH_PG_class(PropertyGroup):
                 return f'Class "{self.name}"{where}: {missing}'
         return None
 
+    def _direction_obstacle(self) -> str:
+        """Return what lacks of the curve or attribute that it lies along, as the end of a sentence."""
+        if self.direction_kind == "CURVE" and self.direction_object is None:
+            return "choose the curve that it lies along"
+        if self.direction_kind == "CURVE" and (deleted := deleted_name(self.direction_object)):
+            return f'"{deleted}" was deleted; choose another curve to lie along'
+        if self.direction_kind == "ATTRIBUTE" and not self.direction_attribute:
+            return "choose the attribute that it lies along"
+        return ""
+
     @property
     def deleted(self) -> bool:
-        """Whether anything was deleted that it places, follows or looks at."""
+        """Whether anything was deleted that it places, follows, lies along or looks at."""
+        along = deleted_name(self.direction_object) if self.direction_kind == "CURVE" else ""
         layers = (layer.deleted(self.id_data) for layer in self.layers if layer.use)
-        return any(size.deleted for size in self.sizes) or any(layers) or bool(self._deleted_look())
+        return any(size.deleted for size in self.sizes) or any(layers) or bool(along or self._deleted_look())
 
     def _deleted_look(self) -> str:
         return deleted_name(self.look_at_object) if self.use_look_at else ""
@@ -327,7 +369,6 @@ class ESH_PG_class(PropertyGroup):
         if self.count_kind in DERIVED_COUNTS:
             name = DERIVED_COUNTS[self.count_kind]
             count = Amount(**{{"cover_share": "cover"}.get(name, name): getattr(self, name)})
-        direction = {"NONE": "none", "SLOPE": "slope", "ANGLE": self.direction_angle, "IMAGE": self.direction_image}
         return ScatterClass(
             self.name,
             sizes,
@@ -335,9 +376,20 @@ class ESH_PG_class(PropertyGroup):
             color=tuple(self.color),
             count=count,
             standing=self.standing(),
-            direction=direction.get(self.direction_kind, "density"),
+            direction=self._direction(),
             **{**values_from(self, ClassSettings), "look_at": self.look_at()},
         )
+
+    def _direction(self) -> Any:
+        """Return what long objects lie along, as :func:`~esh.scatter` takes it."""
+        from ..classes.directions import AttributeDirection, CurveDirection
+
+        if self.direction_kind == "CURVE":
+            return CurveDirection(self.direction_object)
+        if self.direction_kind == "ATTRIBUTE":
+            return AttributeDirection(self.direction_attribute)
+        plain = {"NONE": "none", "SLOPE": "slope", "ANGLE": self.direction_angle, "IMAGE": self.direction_image}
+        return plain.get(self.direction_kind, "density")
 
 
 CLASSES = (ESH_PG_class,)

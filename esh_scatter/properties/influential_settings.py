@@ -20,6 +20,9 @@ WITHOUT_INFLUENCE = AT_ONCE | {
     "result",
     "target",
     "live",
+    # What these hold counts, which is looked into where they are chosen.
+    "direction_object",
+    "direction_attribute",
     "report_json",
     "ran_with",
     "uid",

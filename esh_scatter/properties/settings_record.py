@@ -64,7 +64,10 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
         "classes": {
             str(c.uid): {
                 "values": _without_defaults(
-                    _values(c, names, str(c.uid), more) | (_turned_to(c) if more else {}), c.bl_rna
+                    _values(c, names, str(c.uid), more)
+                    | (_turned_to(c) if more else {})
+                    | _points_along(c, target, names),
+                    c.bl_rna,
                 ),
                 **_where_it_looks(c),
                 "layers": [
@@ -131,6 +134,19 @@ def _turned_to(body_class: Any) -> dict[str, Any]:
         return {}
     values = {f"look_at_{name}": getattr(look, name) for name in settings_of(LookAt)}
     return {"use_look_at": True, **values, "look_at_point": [round(x, 4) for x in look.point]}
+
+
+def _points_along(body_class: Any, target: bpy.types.Object | None, names: dict[str, str]) -> dict[str, Any]:
+    """Return what a class's long objects lie along, as far as that is an object or an attribute of the target."""
+    if body_class.direction_kind == "CURVE" and body_class.direction_object is not None:
+        item = body_class.direction_object
+        names[f"{body_class.uid}.direction_object"] = item.name
+        # It counts where it stands.
+        return {"direction_object": [[checksums.of_object(item), checksums.pose_of(item)]]}
+    if body_class.direction_kind == "ATTRIBUTE" and target is not None:
+        name = body_class.direction_attribute
+        return {"direction_attribute": [name, checksums.of_attribute(target, name)]}
+    return {}
 
 
 def state_of_targets(scatter: Any) -> list[Any]:

@@ -140,6 +140,10 @@ class ESH_PT_density_more(_ClassSubPanel, bpy.types.Panel):
             column.prop(body_class, "direction_angle")
         elif body_class.direction_kind == "IMAGE":
             draw_image(context, column, body_class, "direction_image")
+        elif body_class.direction_kind == "CURVE":
+            draw_property(context, column, body_class, "direction_object")
+        elif body_class.direction_kind == "ATTRIBUTE":
+            draw_property(context, column, body_class, "direction_attribute")
         column.separator()
         draw_settings(context, column, body_class, ClassSettings, (*KEPT_APART, "look_at"))
 

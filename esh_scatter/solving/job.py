@@ -26,6 +26,7 @@ from ...engine.problem.problem import Problem, SamplingSettings
 from ...engine.problem.report import Report
 from ...engine.problem.scatter_settings import ScatterSettings
 from ...engine.problem.settings import takes, values_of, with_changes
+from ...engine.problem.surface_directions import SurfaceDirection
 from ...engine.problem.validation import as_whole, check_name, show
 from ...engine.solve import moved, solve_on
 from ...engine.solver.solver import Progress
@@ -33,7 +34,8 @@ from ...engine.surface.chart import Chart
 from ...engine.surface.instances import Instances
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ...engine.surface.whole_surface import WholeSurface
-from ..classes.classes_from_above import ClassesFromAbove
+from ..classes.classes_from_above import ClassesFromAbove, directions_from_above
+from ..classes.directions import DirectionSource
 from ..classes.lent_survey import lent_survey
 from ..classes.on_whole_surface import classes_on_surface
 from ..classes.scatter_class import ScatterClass, check_classes, color_of, direction_of, standing_of
@@ -86,7 +88,7 @@ class _Reading(NamedTuple):
         target: The target's mesh.
         sources: By class and size.
         densities: By class.
-        directions: By class, as a :class:`Line` takes them.
+        directions: By class, as a :class:`Line` takes them, or what they are read from.
         obstacles: What objects keep off.
         pins: What stays of the result that is replaced, and which of its size's objects each is.
     """
@@ -94,7 +96,7 @@ class _Reading(NamedTuple):
     target: TriangleMesh
     sources: list[list[SizeSource]]
     densities: list[Density]
-    directions: list[str | float | np.ndarray]
+    directions: list[str | float | np.ndarray | DirectionSource]
     obstacles: list[StoredObstacle]
     pins: tuple[Pins, np.ndarray] | None
 
@@ -193,12 +195,16 @@ class ScatterJob:
         ]
         densities = [stored_density(c.density, f'`density` of class "{c.name}"', known) for c in self.classes]
         names: set[str] = set().union(*(attribute_names(density) for density in densities))
-        directions = [direction_of(c) for c in self.classes]
+        directions = [
+            one.read(f'`direction` of class "{c.name}"', known) if isinstance(one, DirectionSource) else one
+            for c, one in ((c, direction_of(c)) for c in self.classes)
+        ]
+        vectors: set[str] = set().union(*(one.vector_names() for one in directions if isinstance(one, DirectionSource)))
         own = _check_mode(self.result or find_result(context.scene, self.target, self.name))
         obstacles = read_obstacles(self._given_obstacles, known, [*targets, *([own] if own else [])])
         pins = None if own is None else self._pins(own, sources)
         del self._given_obstacles
-        ground = read_targets(targets, context, names, self.settings)
+        ground = read_targets(targets, context, names, self.settings, vectors)
         self._stood = [world_matrix(item, context) for item in targets]
         return _Reading(ground, sources, densities, directions, obstacles, pins)
 
@@ -237,12 +243,16 @@ class ScatterJob:
         domain = survey.domain(self.chart, self.settings)
         names = [scatter_class.name for scatter_class in self.classes]
         reader = DensityReader(self.chart.points, dict(zip(names, reading.densities, strict=True)))
+        directions = [
+            _direction_on(self.chart, one, survey, f'`direction` of class "{c.name}"')
+            for one, c in zip(reading.directions, self.classes, strict=True)
+        ]
         shapes_of_classes: list[list[SizeShape]] = []
         values_of_classes: list[np.ndarray] = []
         for number, scatter_class in enumerate(self.classes):
             scale = standing_of(scatter_class, self.settings).scale
             shapes = [
-                measure_size(size, source, reading.directions[number], survey, scale)
+                measure_size(size, source, directions[number], survey, scale)
                 for size, source in zip(scatter_class.sizes, reading.sources[number], strict=True)
             ]
             values_of_classes.append(survey.density(scatter_class.name, reader, self.chart))
@@ -472,6 +482,16 @@ class ScatterJob:
         scales = [standing_of(c, self.settings).scale for c in self.classes for _ in c.sizes]
         item.data[LOWEST_POINTS] = lowest_told(self._shapes, scales)
         return item, sources
+
+
+def _direction_on(
+    chart: Chart | WholeSurface, direction: str | float | np.ndarray | DirectionSource, survey: Survey, key: str
+) -> str | float | np.ndarray | SurfaceDirection:
+    """Return a direction as a :class:`Line` takes it on a chart."""
+    if not isinstance(direction, DirectionSource):
+        return direction
+    vectors = survey.directions(direction, chart, key)
+    return chart.vectors(vectors) if isinstance(chart, WholeSurface) else directions_from_above(chart, vectors)
 
 
 def _variants(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from contextlib import nullcontext
 
 import bpy
@@ -16,9 +16,11 @@ from .evaluated_mesh import vertices_in_world
 from .vertex_groups import read_vertex_groups
 
 __all__ = [
+    "DOMAINS",
     "NUMBERS",
     "RESULT_TAG",
     "RESULT_TARGET",
+    "VECTOR",
     "check_exists",
     "check_target",
     "corners_of",
@@ -47,9 +49,10 @@ FAMILY_OF = "esh_family_of"
 # What the points of every result have: properties alone are copied from anything to anything.
 _RESULT_ATTRIBUTES = {"instance_index": "INT", "rotation": "QUATERNION", "scale": "FLOAT_VECTOR"}
 
+VECTOR = "FLOAT_VECTOR"
 NUMBERS = {"FLOAT": 1, "INT": 1, "INT8": 1, "BOOLEAN": 1, "FLOAT_COLOR": 4, "BYTE_COLOR": 4}
 _READ_AS = {"BOOLEAN": bool, "INT": np.int32, "INT8": np.int32}
-_DOMAINS = ("POINT", "FACE", "CORNER")
+DOMAINS = ("POINT", "FACE", "CORNER")
 # Objects that have a geometry to instance; lights, cameras and empties in a collection are passed over. Blender's nodes give
 # nothing of metaballs.
 _INSTANCED_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
@@ -188,8 +191,10 @@ def is_shown_in(layer: bpy.types.ViewLayer, item: bpy.types.Object) -> bool:
     return shown
 
 
-def read_target(target: bpy.types.Object, context: bpy.types.Context, names: set[str]) -> TriangleMesh:
-    """Read the target with its modifiers, and of its vertex groups and attributes those in ``names``.
+def read_target(
+    target: bpy.types.Object, context: bpy.types.Context, names: set[str], vectors: Collection[str] = ()
+) -> TriangleMesh:
+    """Read the target with its modifiers, and of its vertex groups and attributes those in ``names`` and ``vectors``.
 
     Raises:
         ProblemError: It has no faces, positions that are not finite, or it is hidden.
@@ -220,6 +225,8 @@ def read_target(target: bpy.types.Object, context: bpy.types.Context, names: set
         _read_materials(read, mesh, evaluated)
         for attribute in mesh.attributes:
             _read_attribute(read, attribute, attribute.name in names)
+            if attribute.data_type == VECTOR and attribute.domain in DOMAINS:
+                read.vector[attribute.name] = attribute.domain, _vectors_in_world(attribute, evaluated, vectors)
     finally:
         shown.to_mesh_clear()
     if not np.isfinite(read.position).all():
@@ -292,6 +299,19 @@ def _read_materials(read: TriangleMesh, mesh: bpy.types.Mesh, evaluated: bpy.typ
     read.material_of_face = number[np.clip(index, 0, len(number) - 1)]
 
 
+def _vectors_in_world(
+    attribute: bpy.types.Attribute, evaluated: bpy.types.Object, wanted: Collection[str]
+) -> np.ndarray:
+    """Return an attribute's vectors turned as the object is, as long as they were, shape ``[n, 3]``; none if it is not wanted."""
+    if attribute.name not in wanted:
+        return np.empty((0, 3), np.float32)
+    own = np.empty((len(attribute.data), 3), np.float32)
+    attribute.data.foreach_get("vector", own.ravel())
+    turned = own @ np.array(evaluated.matrix_world.to_3x3(), np.float32).T
+    length, now = (np.linalg.norm(values, axis=1, keepdims=True) for values in (own, turned))
+    return turned * (length / np.maximum(now, 1e-30))
+
+
 def _kind(attribute: bpy.types.Attribute) -> str:
     """Return what an attribute holds, as its list in Blender says: "Vector"."""
     items = attribute.bl_rna.properties["data_type"].enum_items
@@ -306,7 +326,7 @@ def _read_attribute(read: TriangleMesh, attribute: bpy.types.Attribute, wanted: 
         read.unusable_attribute[attribute.name] = (
             f"must hold numbers, true or false, or colors; it holds {_kind(attribute)}"
         )
-    elif attribute.domain not in _DOMAINS:
+    elif attribute.domain not in DOMAINS:
         read.unusable_attribute[attribute.name] = (
             f"must be stored on points, faces or face corners; it is stored on {attribute.domain}"
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import ClassVar
 
@@ -102,7 +102,11 @@ def check_targets(
 
 
 def read_targets(
-    objects: Sequence[bpy.types.Object], context: bpy.types.Context, names: set[str], settings: TargetSettings
+    objects: Sequence[bpy.types.Object],
+    context: bpy.types.Context,
+    names: set[str],
+    settings: TargetSettings,
+    vectors: Collection[str] = (),
 ) -> TriangleMesh:
     """Read targets as one mesh, of which only the faces count that the settings choose.
 
@@ -111,12 +115,14 @@ def read_targets(
         context: Whose view layer.
         names: Vertex groups and attributes that densities need.
         settings: Which faces.
+        vectors: Attributes that directions need.
 
     Raises:
         ProblemError: A mesh that cannot be read, or no face is left.
     """
     wanted = names | ({settings.face_group, settings.face_attribute} - {""})
-    mesh = joined([_outward(read_target(item, context, wanted), item, context) for item in objects], _name_of(objects))
+    read = [_outward(read_target(item, context, wanted, vectors), item, context) for item in objects]
+    mesh = joined(read, _name_of(objects))
     if settings.face_material:
         mesh = _of_material(mesh, settings.face_material)
     if settings.face_group:

@@ -9,7 +9,7 @@ trimesh = pytest.importorskip("trimesh")
 
 import esh  # noqa: E402
 from esh import EshError  # noqa: E402
-from esh.engine.problem.surface_directions import SurfaceVectors  # noqa: E402
+from esh.engine.problem.surface_directions import AlongCurves, SurfaceVectors  # noqa: E402
 from esh.engine.quality.measurement import measure  # noqa: E402
 
 BALL = trimesh.creation.icosphere(subdivisions=3)
@@ -70,12 +70,17 @@ def test_lines_run_down_the_slope():
     assert np.quantile(along[steep > 0.4], 0.05) > 0.95
 
 
-@pytest.mark.parametrize("by_attribute", [False, True])
-def test_lines_follow_vectors(by_attribute):
+@pytest.mark.parametrize("given", ["function", "attribute", "curve"])
+def test_lines_follow_vectors(given):
     def around(place):
         return np.cross([0.0, 0.0, 1.0], place)
 
-    direction = SurfaceVectors("flow") if by_attribute else lambda points: around(points.position)
+    turn = np.linspace(0.0, 2.0 * np.pi, 200)
+    direction = {
+        "function": lambda points: around(points.position),
+        "attribute": SurfaceVectors("flow"),
+        "curve": AlongCurves([2.0 * np.stack([np.cos(turn), np.sin(turn), np.zeros(200)], axis=1)]),
+    }[given]
     surface = ball(attributes={"flow": around(BALL.vertices)})
     placement = esh.solve(sticks(surface, direction), **RUN)
     along, steep = cosine(placement, around(placement.position))
