@@ -16,9 +16,6 @@ from .recipe_table import RecipeTable
 
 __all__ = ["files_of_tables", "read_fixed", "read_obstacles", "written_fixed", "written_obstacles"]
 
-# What recipes do not say of fixed bodies: on a surface their positions are enough.
-ON_SURFACES = ("mesh", "triangle", "barycentric")
-
 
 def read_fixed(recipe: RecipeTable) -> list[FixedBodies]:
     """Return the bodies of all tables [[fixed]]; none where there is no such table."""
@@ -74,7 +71,7 @@ def written_obstacles(problem: Problem, name_array: NameArray) -> list[dict[str,
 
 
 def _read_fixed(table: RecipeTable) -> FixedBodies:
-    keys = keys_of(FixedBodies, leave=ON_SURFACES)
+    keys = keys_of(FixedBodies)
     table.check_keys("file", *keys)
     given = [name for name in ("file", "position") if name in table.entries]
     if len(given) != 1:
@@ -82,7 +79,7 @@ def _read_fixed(table: RecipeTable) -> FixedBodies:
             "position", "or `file` must be given: one of the two" if not given else "cannot be combined with `file`"
         )
     if given == ["position"]:
-        values = read_settings(table, FixedBodies, leave=ON_SURFACES)
+        values = read_settings(table, FixedBodies)
         return table.build(lambda: FixedBodies(**values))
     labels = read_settings(table, FixedBodies, leave=tuple(settings_of(FixedBodies).keys() - {"body_class", "size"}))
     for name in keys:

@@ -520,6 +520,9 @@ def _positions(
     if isinstance(domain, Surface):
         position, barycentric = _on_triangles(parts, domain, position, mesh, triangle, barycentric)
     if isinstance(domain, Domain):
+        known = np.flatnonzero(triangle >= 0)
+        if len(known):
+            raise _wrong(parts, int(known[0]), "triangle", "is only for surfaces; a rectangle has no triangles")
         outside = np.flatnonzero(((position < 0.0) | (position > np.array(domain.size))).any(axis=1))
         if len(outside):
             extent = f"{domain.size[0]:g} by {domain.size[1]:g} m"

@@ -236,6 +236,10 @@ def test_lines_of_a_recipe_lie_along_vectors_of_its_mesh(tmp_path):
         ('{ atribute = "flow" }', "did you mean `attribute`"),
         ('{ attribute = "flow_x" }', "must name an attribute of three numbers"),
         ('{ attribute = "flow" }\ndirection_kind = "angle"', "is only for a `direction` that is an image"),
+        ("{ }", "`attribute` or `curve` must be given|or `curve` must be given"),
+        ('{ attribute = "flow", curve = "a.csv" }', "cannot be combined with `curve`"),
+        ('{ curve = "a.csv" }', "cannot be used: .*a.csv"),
+        ("{ curve = [[0, 0, 0]] }", "must be two or more points"),
     ):
         path.write_text(f"{plain}[class.size.line]\nlength = 0.2\ndirection = {wrong}\n")
         with pytest.raises(EshError, match=sentence):
@@ -243,4 +247,51 @@ def test_lines_of_a_recipe_lie_along_vectors_of_its_mesh(tmp_path):
     path.write_text(f'{plain}[class.size.line]\nlength = 0.2\ndirection = {{ attribute = "flow" }}\n')
     path.write_text(path.read_text().replace('[surface]\nmesh = "ball.ply"', "[domain]\nsize = [1.0, 1.0]"))
     with pytest.raises(EshError, match="direction"):
+        read_recipe(path)
+
+
+@pytest.mark.parametrize("inline", [False, True])
+def test_lines_of_a_recipe_lie_along_the_nearest_curve(tmp_path, inline):
+    """One ring about the poles of a ball, and a short piece far below it, which is the nearest nowhere above the middle."""
+    trimesh.creation.icosphere(subdivisions=2).export(tmp_path / "ball.ply")
+    turn = np.linspace(0.0, 2.0 * np.pi, 60)
+    ring = np.stack([2.0 * np.cos(turn), 2.0 * np.sin(turn), 0.0 * turn], axis=1)
+    below = np.array([[0.0, 0.0, -3.0], [0.0, 1.0, -3.0]])
+    with (tmp_path / "curves.csv").open("w", newline="") as file:
+        rows = csv.writer(file)
+        rows.writerow(["x", "y", "z", "curve"])
+        rows.writerows([*point, number] for number, curve in enumerate([ring, below]) for point in curve.tolist())
+    curve = json.dumps([ring.tolist(), below.tolist()]) if inline else '"curves.csv"'
+    path = recipe(tmp_path, '"ball.ply"', "1.0")
+    path.write_text(f"{path.read_text()}[class.size.line]\nlength = 0.2\ndirection = {{ curve = {curve} }}\n")
+    assert (tmp_path / "curves.csv" in recipe_densities(path)) != inline
+    placement = solve(read_recipe(path), device="cpu", max_steps=30)
+    above = placement.position[:, 2] > -0.3
+    round_z = np.abs((placement.tangent * np.cross([0, 0, 1], placement.position)).sum(axis=1))
+    share = round_z / np.linalg.norm(placement.position[:, :2], axis=1)
+    assert above.sum() > 10 and np.median(share[above]) > 0.98
+
+
+def test_fixed_bodies_of_a_recipe_say_which_side_of_a_thin_wall_they_are_on(tmp_path):
+    """The two sides of a sheet lie in one place: the nearest triangle alone would not tell them apart."""
+    corner = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+    front = np.array([[0, 1, 2], [0, 2, 3]])
+    sheet = trimesh.Trimesh(corner, np.concatenate([front, front[:, ::-1]]), process=False)
+    sheet.export(tmp_path / "sheet.ply")
+    path = recipe(tmp_path, '"sheet.ply"', "1.0")
+    plain = path.read_text()
+    for triangle in (1, 3):
+        path.write_text(
+            f"{plain}\n[[fixed]]\nposition = [[0.3, 0.6, 0.0]]\nmesh = 0\ntriangle = {triangle}\n"
+            "barycentric = [[0.4, 0.3, 0.3]]\n"
+        )
+        placement = solve(read_recipe(path), device="cpu", max_steps=2)
+        assert placement.triangle[placement.fixed].tolist() == [triangle]
+        assert np.sign(placement.normal[placement.fixed][:, 2]).tolist() == [1.0 if triangle == 1 else -1.0]
+    path.write_text(f"{plain}\n[[fixed]]\nposition = [[0.3, 0.6, 0.0]]\ntriangle = 9\n")
+    with pytest.raises(EshError, match="triangle"):
+        read_recipe(path)
+    path.write_text(path.read_text().replace('[surface]\nmesh = "sheet.ply"', "[domain]\nsize = [1.0, 1.0]"))
+    path.write_text(path.read_text().replace("[[0.3, 0.6, 0.0]]", "[[0.3, 0.6]]"))
+    with pytest.raises(EshError, match=r"`fixed\.triangle` is only for surfaces"):
         read_recipe(path)
