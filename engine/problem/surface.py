@@ -16,6 +16,7 @@ from ..errors import ProblemError, Reason, Refusal
 from . import validation
 from .connected import connected
 from .connected_triangles import parts_of
+from .inward_parts import has_inward_part
 from .settings import settle
 from .sides import Sides, sides_of
 from .smooth_normals import corner_normals, creased_sides, has_blunt_creases
@@ -216,6 +217,11 @@ class Surface:
     def has_blunt_creases(self) -> bool:
         """Whether a crease between two of its triangles bends by less than 80°."""
         return has_blunt_creases(self.normal, self.sides, self.edge_side)
+
+    @cached_property
+    def looks_inwards(self) -> bool:
+        """Whether a closed part looks to its inside, as a mesh does that is inside out."""
+        return has_inward_part(self.position[self.triangle], self.part, self.sides)
 
     @cached_property
     def low(self) -> np.ndarray:

@@ -36,6 +36,7 @@ __all__ = ["measure"]
 
 # Distances are known in single precision: what is so many times as large is larger.
 CLEARLY = 1.001
+INWARDS = "a closed mesh looks inwards: bodies lie on its inner side; flip its normals if the outer one is meant"
 
 
 def measure(placement: Placement, launcher: Launcher) -> Report:
@@ -129,6 +130,9 @@ def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:
     """What :func:`measure` returns, for a placement on a surface."""
     found = measure_on_surface(placement, launcher)
     notes = [note for c in placement.problem.classes for note in c.notes]
+    surface = placement.problem.domain
+    if isinstance(surface, Surface) and surface.looks_inwards:
+        notes.append(INWARDS)
     notes += notes_on_areas(placement.area, placement.class_index, found.errors)
     overlaps = found.overlaps
     notes += _notes_on_overlaps(placement.problem, overlaps, found.covered)
