@@ -21,9 +21,9 @@ __all__ = ["SMALLEST_DENSITY", "Forces"]
 # Curvature and spacing are taken where the density is at least this share of its mean, so that steps stay finite. Measured on a
 # density that falls to a thousandth: 2e-4 and 2e-2 change coverage errors by 0.2 %.
 SMALLEST_DENSITY = 2e-3
-# What is blurred lets lines and outlines slip through each other, and contact cannot disentangle them again: of 24 crowds of sticks
-# and discs, 7 kept overlaps with the usual blur, 3 with half of it, none as all but points.
-BLUR_OF_LONG_ONES_IN_CONTACT = 0.03
+# What is blurred lets long bodies slip through each other where they are crowded, and contact cannot disentangle them again: of 24
+# crowds of sticks and discs, 7 kept overlaps with the usual blur, 3 with half of it, none as all but points.
+BLUR_OF_TANGLING = 0.03
 
 
 class Forces:
@@ -55,9 +55,8 @@ class Forces:
         whole_charge: np.ndarray | None = None,
     ) -> None:
         problem = model.problem
-        outlined = any(size.footprint is not None for c in problem.classes for size in c.sizes)
-        if blur_over_spacing is None and problem.avoid_overlap and (model.kinds or outlined):
-            blur_over_spacing = BLUR_OF_LONG_ONES_IN_CONTACT
+        if blur_over_spacing is None and model.may_tangle:
+            blur_over_spacing = BLUR_OF_TANGLING
         described: dict[str, Any] = {
             "space": model.space,
             "interaction": model.interaction,

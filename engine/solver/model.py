@@ -23,12 +23,14 @@ from ..problem.of_bodies import distinct, of_all, of_bodies
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.surface import Surface
+from ..space.asked_counts import typical_spacing
 from ..space.kernels_meeting import Meeting
 from ..space.meeting import meeting_of
 from ..space.space import Space
 from .body_flags import BodyFlags
 from .carried_over import CarriedInPlane, CarriedOver
 from .supports import supports_of
+from .tangling import may_tangle
 
 __all__ = ["BodyTable", "LineKind", "Model"]
 
@@ -254,6 +256,12 @@ class Model:
         if self.charge_count == self.body_count:
             return self.body.group
         return self.body.group[self.charge.body]
+
+    @property
+    def may_tangle(self) -> bool:
+        """Whether long bodies that keep apart are so crowded that soft ones would slip through each other."""
+        domain = self.problem.domain
+        return may_tangle(self.problem, self.unit if isinstance(domain, Surface) else typical_spacing(self.problem))
 
     @property
     def bends_any(self) -> bool:

@@ -61,11 +61,12 @@ TOLERANCE = 2e-4
 # What counts as converged where the steps run out: bodies want to move by less than half a hundredth of their spacing.
 SETTLED = 5e-3
 # The same where outlines that keep apart cover more than this of their ground, or lie between obstacles: contact grants little of what
-# forces ask for there, and who gives way here presses elsewhere, so that bodies go on jostling by 0.004 to 0.015 of their spacing
+# forces ask for there, and who gives way here presses elsewhere, so that points go on jostling by 0.004 to 0.015 of their spacing
 # however many steps are taken. Measured on planks, boxes and discs at 80 %, and on quads between triangles at 42 %; ten steps come to
-# 0.03 to 0.05. Planks at 70 % come to 0.001.
+# 0.03 to 0.05. Planks at 70 % come to 0.001. Soft bodies ask for less: boxes, discs and triangles at 80 % come to 0.001 to 0.004,
+# after ten steps to 0.008 to 0.011, after five to 0.014 to 0.017.
 JOSTLED = 0.75
-SETTLED_WHERE_JOSTLED = 2e-2
+SETTLED_WHERE_JOSTLED, SETTLED_WHERE_SOFT = 2e-2, 1e-2
 # What is said where numbers leave the range of float32 all the same.
 OVERFLOW = (
     "the forces between the bodies are no longer finite numbers: areas, lengths and `size_emphasis` lie too far apart; bring them "
@@ -646,13 +647,15 @@ class Solver:
             # Before the second step nothing has shown yet whether contact lets bodies move.
             if residual < TOLERANCE and step > 1:
                 return step, True
-        return max_steps, step > 1 and (residual < SETTLED or (residual < SETTLED_WHERE_JOSTLED and self._jostled))
+        return max_steps, step > 1 and (residual < SETTLED or residual < self._settled_in_contact)
 
     @property
-    def _jostled(self) -> bool:
-        """Whether bodies that keep apart cover so much of their ground that contact decides how far they move."""
+    def _settled_in_contact(self) -> float:
+        """What counts as converged where bodies that keep apart cover so much ground that contact decides how far they move."""
         problem = self.model.problem
-        return problem.avoid_overlap and (bool(problem.obstacles) or cover_of(problem).covered > JOSTLED)
+        if problem.avoid_overlap and (bool(problem.obstacles) or cover_of(problem).covered > JOSTLED):
+            return SETTLED_WHERE_JOSTLED if problem.obstacles or self.model.may_tangle else SETTLED_WHERE_SOFT
+        return SETTLED
 
     def choose_start(self, max_steps: int, progress: Callable[[Progress], bool | None] | None = None) -> int:
         """Of a few bodies, go to where the least energy is reached from within ``max_steps``; see :mod:`.choice_of_start`.

@@ -33,9 +33,9 @@ REACH_OF_DIFFERING = blur.CORE_REACH_OF_UNIFORM
 
 
 def softness_of(model: Model) -> Softness | None:
-    """Return how soft the bodies of a model are; None for points, as lines and outlines that keep apart: blurred ones slip through."""
+    """Return how soft bodies are; None for points, as crowds of long ones that keep apart: soft ones slip through each other."""
     problem, charge = model.problem, model.charge.charge
-    if problem.avoid_overlap and (model.kinds or bool(model.footprints.is_outline.any())):
+    if model.may_tangle:
         return None
     alike = float(np.ptp(charge)) == 0.0 and not any(c.varies_on_surface for c in problem.classes)
     width = blur.blur_over_spacing(problem.regularity, uniform=alike)

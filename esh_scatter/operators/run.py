@@ -297,6 +297,10 @@ class ESH_OT_scatter(_Run):
             setattr(group, name, value)
 
 
+# Settings of the panel of the last operation that are those of the new scatter.
+_TAKEN = ("surface", "class_separation", "boundary", "regularity", "seed")
+
+
 class ScatterObjects(_Run):
     """Base of what makes a class of each of some objects, and scatters them on the active one, or what its result stands on."""
 
@@ -320,6 +324,8 @@ class ScatterObjects(_Run):
     class_separation: property_of(_SETTINGS["class_separation"])
     # Nobody who drops a selection on a terrain asks for hedges along its edges.
     boundary: property_of(_SETTINGS["boundary"], default="NATURAL")
+    # Nor for rows, which a large ground shows from far away.
+    regularity: property_of(_SETTINGS["regularity"], default=0.4)
     seed: property_of(_SETTINGS["seed"])
 
     @classmethod
@@ -345,7 +351,7 @@ class ScatterObjects(_Run):
         """Draw the panel of the last operation."""
         layout = self.layout
         layout.use_property_split = True
-        for name in ("cover", "most", "surface", "class_separation", "boundary", "seed"):
+        for name in ("cover", "most", *_TAKEN):
             layout.prop(self, name)
 
     def _first(self, context: bpy.types.Context) -> "SelectionSurvey":
@@ -384,7 +390,7 @@ class ScatterObjects(_Run):
             for name in found.as_large(measured)
         )
         scatter = context.scene.esh_scatter.add_scatter(stands_on)
-        for name in ("surface", "class_separation", "boundary", "seed"):
+        for name in _TAKEN:
             setattr(scatter, name, getattr(self, name))
         self._add_classes(scatter, measured, found.ground_for(measured))
         scatter.class_index = 0

@@ -13,6 +13,7 @@ from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.fixed_bodies import FixedBody
 from esh.engine.problem.footprint import Footprint
+from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.line import Line
 from esh.engine.problem.obstacles import Obstacle
 from esh.engine.problem.problem import Problem
@@ -270,6 +271,26 @@ def test_regularity_goes_from_a_lattice_to_organic_and_keeps_densities():
         assert placement.report.smallest_spacing >= 0.45
     assert orders == sorted(orders, reverse=True)
     assert orders[0] > 0.85 and orders[2] < 0.72 and orders[3] < 0.46
+
+
+def test_regularity_acts_on_outlines_that_keep_apart():
+    """Boxes whose discs would cover 65 % of the ground: organic ones overlap no more than those in rows do, and densities are kept."""
+    side, found = 40.0, []
+    box = Footprint.rectangle(0.68, 0.45)
+    for regularity in (1.0, 0.3, 0.0):
+        sizes = [Size("box", None, 2000, footprint=Footprints(box))]
+        problem = Problem(
+            Domain((side, side), "periodic"),
+            [BodyClass("a", sizes)],
+            avoid_overlap=True,
+            seed=1,
+            regularity=regularity,
+        )
+        placement = solve(problem, device="cpu")
+        assert placement.report.overlaps == 0
+        assert placement.report.coverage_error < 0.0025
+        found.append(sixfold_order(placement.position, side))
+    assert found[0] > 0.85 and found[1] < 0.72 and found[2] < 0.5
 
 
 @pytest.mark.parametrize(("regularity", "order"), [(1.0, 0.83), (0.0, 0.52)])

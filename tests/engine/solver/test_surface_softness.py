@@ -68,11 +68,22 @@ def test_ranges_are_as_even_on_a_square_as_in_the_plane():
     assert flat < 1.17 * plane
 
 
-def test_long_bodies_and_outlines_that_keep_apart_are_points():
-    outlined = sized(None, footprint=Footprint.rectangle(0.02, 0.01))
-    for sizes in (sized(1e-4, line=Line(0.1)), outlined):
-        assert softness_of(Model(on_ball(BodyClass("a", sizes), avoid_overlap=True))) is None
-    assert softness_of(Model(on_ball(BodyClass("a", sized(1e-4)), avoid_overlap=True))) is not None
+@pytest.mark.parametrize(
+    ("size", "is_soft"),
+    [
+        ({"area": 1e-4, "line": Line(0.2)}, True),
+        ({"area": 1e-4, "line": Line(0.5)}, False),
+        ({"area": None, "footprint": Footprint.rectangle(0.3, 0.1)}, True),
+        ({"area": None, "footprint": Footprint.rectangle(0.5, 0.1)}, False),
+        ({"area": None, "footprint": Footprint.rectangle(0.3, 0.2)}, True),
+        ({"area": 1e-2}, True),
+    ],
+)
+def test_crowds_of_long_bodies_that_keep_apart_are_points(size, is_soft):
+    """100 on a ball of 12.6 m²: those of 0.36 m reach half as far as they have ground."""
+    sizes = [Size("0", **size, count=100)]
+    assert (softness_of(Model(on_ball(BodyClass("a", sizes), avoid_overlap=True))) is not None) == is_soft
+    assert softness_of(Model(on_ball(BodyClass("a", sizes)))) is not None
 
 
 def test_cores_of_classes_that_keep_apart_are_short():
