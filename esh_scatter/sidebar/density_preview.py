@@ -1,4 +1,4 @@
-"""Show on Target: the density of the selected class as colors over the target, while it is changed.
+"""Show on Target: the density of the selected class as colors over the target, and on a whole surface where its objects point up.
 
 While it is on, a timer reads what the density is made of and looks whether it says something new, at most a sixth of the time; so
 strokes, moved objects and sculpted ground are seen, too. While it is off, nothing runs.
@@ -14,6 +14,7 @@ import numpy as np
 from bpy.props import BoolProperty
 
 from ...engine.errors import EshError
+from ...engine.problem.nearest_on_triangles import morton_order
 from ...engine.problem.scatter_settings import TargetSettings
 from ..densities.density_stack import ClassDensity, DensityLayer, DensityStack
 from ..properties.described import values_from
@@ -38,6 +39,11 @@ RAMP = np.array(
     [(0.267, 0.005, 0.329), (0.229, 0.322, 0.546), (0.128, 0.567, 0.551), (0.369, 0.789, 0.383), (0.993, 0.906, 0.144)]
 )
 OPACITY = 0.85
+# How many needles show where up is, about, their length as a share of the extent, and their color, which no density has.
+NEEDLES, NEEDLE = 400, 0.04
+NEEDLE_COLOR = (1.0, 0.25, 0.2, 1.0)
+# Where the density is below this share of its largest, there are none.
+FEWEST = 0.02
 
 
 class Colors(NamedTuple):
@@ -47,11 +53,13 @@ class Colors(NamedTuple):
         position: Corners in the world [m], shape ``[n, 3]``, float32.
         color: Of the corners, red to alpha, shape ``[n, 4]``, float32.
         triangle: Corners of triangles, shape ``[t, 3]``, int32.
+        needle: Ends of lines along which objects stand, two by two [m], shape ``[2 m, 3]``, float32; none seen from above.
     """
 
     position: np.ndarray
     color: np.ndarray
     triangle: np.ndarray
+    needle: np.ndarray
 
 
 class _Preview:
@@ -66,7 +74,7 @@ class _Preview:
         self.content: Any = None
         # What the colors lie on.
         self.ground: list[Reference] = []
-        self.batch: Any = None
+        self.batches: tuple[Any, ...] = ()
         self.handler = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
 
     def refresh(self) -> None:
@@ -75,7 +83,7 @@ class _Preview:
         try:
             content, colors = density_colors(bpy.context, self.survey, self.content)
             if colors is not None or content is None:
-                self.colors, self.batch = colors, None
+                self.colors, self.batches = colors, ()
             scatter = bpy.context.scene.esh_scatter.active
             self.ground = [Reference(item, "target") for item in scatter.targets] if scatter else []
             self.content, self.message = content, ""
@@ -138,10 +146,11 @@ def density_colors(context: bpy.types.Context, survey: Any, known: Any = None) -
     names: set[str] = set().union(*(attribute_names(density) for density in densities.values()))
     chart = survey.begin(read_targets(objects, context, names, settings), settings)
     reader = DensityReader(chart.points, densities)
-    content = survey.shape, reader.content(body_class.name)
+    align = body_class.align_to_normal
+    content = survey.shape, align, reader.content(body_class.name)
     if content == known:
         return content, None
-    return content, _colors(chart, reader.class_density(body_class.name), reader.normal)
+    return content, _colors(chart, reader.class_density(body_class.name), reader.normal, align)
 
 
 def _followed(density: Any) -> list[str]:
@@ -153,7 +162,7 @@ def _followed(density: Any) -> list[str]:
     return [n for layer in density.layers for n in _followed(layer)] if isinstance(density, DensityStack) else []
 
 
-def _colors(chart: Any, values: np.ndarray, normal: np.ndarray) -> Colors:
+def _colors(chart: Any, values: np.ndarray, normal: np.ndarray, align: float) -> Colors:
     whole = hasattr(chart, "pieces")
     extent = float((chart.high - chart.low).max() if whole else chart.size.max())
     position = chart.points.position + LIFT * extent * normal
@@ -162,8 +171,20 @@ def _colors(chart: Any, values: np.ndarray, normal: np.ndarray) -> Colors:
     color = np.column_stack([*(np.interp(share, along, channel) for channel in RAMP.T), np.full(len(share), OPACITY)])
     triangle = chart.pieces() if whole else _cells(chart, position)
     # Blender's buffers take them as they lie in memory.
-    position, color = (np.ascontiguousarray(values, np.float32) for values in (position, color))
-    return Colors(position, color, np.ascontiguousarray(triangle, np.int32))
+    needle = _needles(position, normal, align, NEEDLE * extent, share) if whole else np.empty((0, 3))
+    position, color, needle = (np.ascontiguousarray(values, np.float32) for values in (position, color, needle))
+    return Colors(position, color, np.ascontiguousarray(triangle, np.int32), needle)
+
+
+def _needles(position: np.ndarray, normal: np.ndarray, align: float, length: float, share: np.ndarray) -> np.ndarray:
+    """Return lines along which objects stand that are aligned so far to the normals, spread over the points, shape ``[2 m, 3]``."""
+    from ...engine.surface.instances import body_rotations, rotate
+
+    chosen = morton_order(position)[:: max(1, len(position) // NEEDLES)]
+    chosen = chosen[share[chosen] > FEWEST]
+    upright = body_rotations(normal[chosen].astype(np.float64), align, np.zeros(len(chosen)))
+    up = rotate(upright, np.broadcast_to([0.0, 0.0, 1.0], (len(chosen), 3)))
+    return np.stack([position[chosen], position[chosen] + length * up], axis=1).reshape(-1, 3)
 
 
 def _cells(chart: Any, position: np.ndarray) -> np.ndarray:
@@ -213,15 +234,20 @@ def _draw() -> None:
     import gpu
     from gpu_extras.batch import batch_for_shader
 
-    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-    if _preview.batch is None:
+    ground, lines = gpu.shader.from_builtin("SMOOTH_COLOR"), gpu.shader.from_builtin("UNIFORM_COLOR")
+    if not _preview.batches:
         colors = _preview.colors
-        _preview.batch = batch_for_shader(
-            shader, "TRIS", {"pos": colors.position, "color": colors.color}, indices=colors.triangle
+        corners = {"pos": colors.position, "color": colors.color}
+        _preview.batches = (
+            batch_for_shader(ground, "TRIS", corners, indices=colors.triangle),
+            batch_for_shader(lines, "LINES", {"pos": colors.needle}),
         )
     gpu.state.blend_set("ALPHA")
     gpu.state.depth_test_set("LESS_EQUAL")
-    _preview.batch.draw(shader)
+    _preview.batches[0].draw(ground)
+    if len(_preview.colors.needle):
+        lines.uniform_float("color", NEEDLE_COLOR)
+        _preview.batches[1].draw(lines)
     gpu.state.depth_test_set("NONE")
     gpu.state.blend_set("NONE")
 
