@@ -45,8 +45,8 @@ FOLLOWS_STROKES = 0.05
 LONGEST_JOIN = 5.0
 
 # Strokes under way, by the names of their operators.
-_PIXELS = {"PAINT_OT_image_paint", "IMAGE_OT_paint"}
-_STROKES = _PIXELS | {"PAINT_OT_weight_paint", "PAINT_OT_vertex_paint", "SCULPT_OT_brush_stroke"}
+_COLORS = {"PAINT_OT_image_paint", "IMAGE_OT_paint", "PAINT_OT_vertex_paint"}
+_STROKES = _COLORS | {"PAINT_OT_weight_paint", "SCULPT_OT_brush_stroke"}
 
 # What the depsgraph can say that may be of ours; kinds of data that nothing is made of are not looked for. Settings are the scene's:
 # when one is changed in the sidebar, Blender tags the scene, and says of its objects, too, that they have changed.
@@ -175,8 +175,9 @@ class _Live:
         if not attentive and time.monotonic() - self._looked < AT_REST:
             return False
         stroke = _stroke()
-        # Weights and shapes are read whole, and that only when the brush is lifted; pixels during the stroke, if that is quick.
-        return stroke is None or (stroke in _PIXELS and self._reading < FOLLOWS_STROKES)
+        # Colors are read during the stroke, if that is quick. Weights, for which data is made that a stroke must not meet, and shapes
+        # only when the brush is lifted.
+        return stroke is None or (stroke in _COLORS and self._reading < FOLLOWS_STROKES)
 
     def _submit(self, context: bpy.types.Context, scatter: Scatter) -> None:
         """Have the scatter solved as it is now, if it differs from what was solved last."""

@@ -1,6 +1,7 @@
 """Runs inside a windowed Blender: 10,000 objects, Live, and a stroke with the mouse that is followed while it is painted.
 
-With ``film`` as the last argument after ``--`` it is made for the pictures that ``film_strip.py`` joins.
+With ``film`` as the last argument after ``--`` it is made for the pictures that ``film_strip.py`` joins; with ``colors`` it is a color
+attribute that is painted, and not an image.
 """
 
 import shutil
@@ -17,7 +18,7 @@ import window_steps as steps
 from window_steps import answer
 
 # To be looked at rather than measured: fewer objects, and a slow stroke.
-FILM = sys.argv[-1] == "film"
+FILM, COLORS = sys.argv[-1] == "film", sys.argv[-1] == "colors"
 COUNT, SIZE = (1_500, 36.0) if FILM else (10_000, 80.0)
 PIXELS = 1024
 # Where the stroke begins and ends, on the ground [m].
@@ -37,13 +38,16 @@ def fill_in():
         steps.show_tab()
         for item in list(bpy.data.objects):
             bpy.data.objects.remove(item)
-        bpy.ops.mesh.primitive_grid_add(size=SIZE, x_subdivisions=50, y_subdivisions=50)
+        cuts = 150 if COLORS else 50
+        bpy.ops.mesh.primitive_grid_add(size=SIZE, x_subdivisions=cuts, y_subdivisions=cuts)
         ground = bpy.context.object
         ground.name = "Ground"
         scatter = bpy.context.scene.esh_scatter.add_scatter(ground)
         mask = bpy.data.images.new("Mask", PIXELS, PIXELS, alpha=False, is_data=True)
         mask.generated_color = (1.0, 1.0, 1.0, 1.0)
         mask.pack()
+        ground.data.color_attributes.new("Colors", "BYTE_COLOR", "POINT")
+        ground.data.attributes["Colors"].data.foreach_set("color", np.ones(4 * len(ground.data.vertices)))
         for name, radius, height, share, color in (
             ("Bush", 0.42, 0.9, 0.3, (0.05, 0.38, 0.08, 1.0)),
             ("Grass", 0.22, 0.5, 0.7, (0.72, 0.50, 0.05, 1.0)),
@@ -57,7 +61,9 @@ def fill_in():
             item.hide_set(True)
             body_class = scatter.add_class()
             body_class.name = name
-            body_class.add_layer("IMAGE", image=mask)
+            body_class.add_layer("ATTRIBUTE", attribute="Colors") if COLORS else body_class.add_layer(
+                "IMAGE", image=mask
+            )
             body_class.sizes[0].source_object, body_class.sizes[0].count = item, round(share * COUNT)
         scatter.class_index = 0
         _material(ground, mask)
@@ -110,9 +116,10 @@ def paint():
     steps.take_screenshot("live-before.png")
     with steps.window_context():
         answer["paint"] = sorted(bpy.ops.esh.layer_paint())
-        brush = bpy.context.tool_settings.image_paint.brush
+        paint = bpy.context.tool_settings.vertex_paint if COLORS else bpy.context.tool_settings.image_paint
+        brush = paint.brush
         brush.color, brush.strength = (0.0, 0.0, 0.0), 1.0
-        unified = bpy.context.tool_settings.image_paint.unified_paint_settings if bpy.app.version >= (5, 0, 0) else None
+        unified = paint.unified_paint_settings if bpy.app.version >= (5, 0, 0) else None
         for owner in (brush, unified or bpy.context.tool_settings.unified_paint_settings):
             owner.size = BRUSH
             if hasattr(owner, "color"):
@@ -145,6 +152,11 @@ class Watch:
 
     @staticmethod
     def _pixels():
+        if COLORS:
+            found = bpy.data.objects["Ground"].data.attributes["Colors"].data
+            colors = np.empty(4 * len(found), np.float32)
+            found.foreach_get("color", colors)
+            return colors
         pixels = np.empty(4 * PIXELS * PIXELS, np.float32)
         bpy.data.images["Mask"].pixels.foreach_get(pixels)
         return pixels.reshape(PIXELS, PIXELS, 4)[::16, ::16, 0].copy()
