@@ -36,12 +36,15 @@ BUTTONS = {
     "layer_add": {"kind": "SLOPE"},
     "layer_move": {"direction": "UP"},
     "layer_remove": {},
+    "layer_paint": {"kind": "VERTEX_GROUP"},
     "obstacle_add": {},
     "obstacle_remove": {},
     "scatter": {},
     "scatter_selection": {"most": 20},
     "example": {},
     "preset_apply": {},
+    "preset_import": {},
+    "scatter_of_copy": {},
     "counts_to_fit": {},
     "select_overlapping": {},
     "instances_pin": {},
@@ -54,12 +57,10 @@ BUTTONS = {
 }
 # What needs a window, an asset browser or a file, and what changes nothing of the file.
 ELSEWHERE = {
-    # What needs a copy of a result, see test_copied_results.py.
-    "scatter_of_copy",
-    *("instances_edit", "instances_select_pinned", "layer_paint", "frame_overlap"),
+    *("instances_edit", "instances_select_pinned", "frame_overlap"),
     *("scatter_assets", "classes_from_assets", "source_from_asset", "source_from_shelf"),
     *("preset_from_asset", "presets_as_assets"),
-    *("preset_import", "preset_export"),
+    "preset_export",
     *("stop", "keep"),
 }
 
@@ -180,6 +181,11 @@ def make_ready(name):
         tree.vertices[0].co.z, tree.vertices[2].co.z = -1.0, 1.0
         tree.update()
         bpy.context.view_layer.update()
+    elif name == "scatter_of_copy":
+        bpy.ops.object.select_all(action="DESELECT")
+        scatter.result.select_set(True)
+        bpy.context.view_layer.objects.active = scatter.result
+        bpy.ops.object.duplicate()
     elif name == "obstacle_add":
         # What is placed cannot be an obstacle, and an entry with nothing chosen yet is added where nothing is selected.
         bpy.ops.object.select_all(action="DESELECT")
@@ -193,7 +199,7 @@ def test_a_button_is_undone_and_redone(scene, name):
     bpy.ops.ed.undo_push(message="ready")
     before = state()
     asked = BUTTONS[name]
-    if name == "preset_apply":
+    if name in ("preset_apply", "preset_import"):
         asked = {"filepath": next(iter(built_in_presets()))}
     elif name == "class_copy":
         asked = {"classes": {str(active().classes[1].uid)}}
