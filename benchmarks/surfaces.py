@@ -78,6 +78,19 @@ def one_class(name: str, parts: list, whole: tuple, density: Density, device: st
     row(name, measured)
 
 
+def on_the_plane(device: str, seeds: int) -> None:
+    """The square once more, by the plane's solver, measured alike."""
+    metric = SurfaceMetric(*meshes.square(), COUNT)
+    up = np.broadcast_to([0.0, 0.0, 1.0], (COUNT, 3))
+    measured: list[Measured] = []
+    for seed in range(seeds):
+        classes = [esh.BodyClass("a", [esh.Size("s", 1e-6, COUNT)])]
+        placement = esh.solve(esh.Problem(esh.Domain((1.0, 1.0)), classes, seed=seed), device=device)
+        place = np.pad(placement.position, ((0, 0), (0, 1)))
+        measured.append((metric.coverage(place, uniform, KS), spacing(place, up, COUNT / metric.area), placement))
+    row("square, uniform: by the plane's solver", measured)
+
+
 def two_classes(device: str, seeds: int) -> None:
     metric = SurfaceMetric(*meshes.torus(), COUNT)
     together: list[Measured] = []
@@ -178,6 +191,8 @@ def main() -> None:
         if mesh is not None:
             density = {"uniform": uniform, "checker": meshes.checker, "gradient": meshes.gradient(mesh[0])}[kind]
             one_class(f"{name}, {kind}", [mesh], mesh, density, options.device, options.seeds)
+    if chosen("square, plane"):
+        on_the_plane(options.device, options.seeds)
     if chosen("two meshes"):
         parts = [meshes.square(64, (0.0, 0.5)), meshes.square(37, (0.5, 1.0))]
         one_class("two meshes, other triangles", parts, meshes.square(), uniform, options.device, options.seeds)

@@ -307,6 +307,7 @@ def main(arguments: list[str] | None = None) -> None:
     def tell(text: str) -> None:
         print(f"[{time.perf_counter() - start:5.1f} s] {text}", flush=True)
 
+    tell("building the ground and the trees, and placing them")
     result, terrain, textures = build(options.output, options.max_steps)
     print(result.report, flush=True)
     tell("built")
@@ -318,6 +319,7 @@ def main(arguments: list[str] | None = None) -> None:
     save(blend)
     tell(f"wrote {blend} and forest-plan.png")
     scene.render.filepath = str((options.output / "forest.png").resolve())
+    tell("rendering forest.png, which takes a minute or two")
     bpy.ops.render.render(write_still=True)
     tell("rendered forest.png")
     for key, value in test_final(result, terrain, textures, blend).items():
