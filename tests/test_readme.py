@@ -242,7 +242,6 @@ def test_the_recipes_can_be_solved_as_they_stand(recipe: str, tmp_path: Path):
 def test_the_reference_of_recipes_has_every_key():
     from esh.engine.files.recipe import SCENE
     from esh.engine.files.recipe_keys import keys_of
-    from esh.engine.files.recipe_scene import ON_SURFACES
     from esh.engine.problem.balance import Balance
     from esh.engine.problem.body_class import BodyClass
     from esh.engine.problem.domain import Domain
@@ -262,7 +261,7 @@ def test_the_reference_of_recipes_has_every_key():
     known = {
         key for cls in (ProblemSettings, Domain, Balance, BodyClass, Size, Line, Obstacle) for key in keys_of(cls)
     } - {"sizes"}
-    known |= {*SCENE, *keys_of(FixedBodies, leave=ON_SURFACES)}
+    known |= {*SCENE, *keys_of(FixedBodies)}
     for call in (node for tree in trees for node in ast.walk(tree)):
         if isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.func.attr == "check_keys":
             known |= {argument.value for argument in call.args if isinstance(argument, ast.Constant)}

@@ -12,7 +12,6 @@ import pytest
 from esh import EshError
 from esh.engine.errors import ProblemError
 from esh.engine.files.recipe_keys import keys_of
-from esh.engine.files.recipe_scene import ON_SURFACES
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass, ClassSettings, PlacingSettings, Unsharp
 from esh.engine.problem.domain import Domain
@@ -217,7 +216,7 @@ TABLES = {
     "`[[class]]`": (BodyClass, {"color"}, {"sizes": "[[class.size]]"}),
     "`[[class.size]]`": (Size, set(), {"line": "[class.size.line]"}),
     "`[class.size.line]`": (Line, set(), {}),
-    "`[[fixed]]`": (FixedBodies, {"file"}, dict.fromkeys(ON_SURFACES)),
+    "`[[fixed]]`": (FixedBodies, {"file"}, {}),
     "`[[obstacle]]`": (Obstacle, set(), {}),
 }
 
