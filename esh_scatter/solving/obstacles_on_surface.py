@@ -152,13 +152,14 @@ def _covering(
 
 
 def _thinned(places: PlacesNear, size: float) -> PlacesNear:
-    """One of the places in each cell of this size [m], on every side."""
+    """One of the places in each cell of this size [m], on every side: the outermost, so that corners are covered."""
     if not len(places.row):
         return places
+    outward = np.argsort(-np.linalg.norm(places.position - places.position.mean(axis=0), axis=1), kind="stable")
     cell = np.floor((places.position - places.position.min(axis=0)) / size).astype(np.int64)
-    key = np.column_stack([cell, places.triangle])
+    key = np.column_stack([cell, places.triangle])[outward]
     _, first = np.unique(key, axis=0, return_index=True)
-    return PlacesNear(*(values[np.sort(first)] for values in places))
+    return PlacesNear(*(values[np.sort(outward[first])] for values in places))
 
 
 def _width_of(solid: np.ndarray) -> float:

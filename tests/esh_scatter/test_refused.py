@@ -217,6 +217,7 @@ OF_SCRIPTS = {
 # What Blender's side asks for by names, which these sentences say: UV maps, vertex groups, attributes.
 IN_WORDS_OF_BLENDER = {
     "surface/surface_points.py SurfacePoints.attribute": 2,
+    "surface/surface_points.py SurfacePoints.vectors": 1,
     "surface/surface_points.py SurfacePoints.uv": 2,
     "surface/surface_points.py SurfacePoints.vertex_group": 1,
 }
