@@ -43,12 +43,14 @@ def driven(name: str, package: Path, folder: Path, *arguments: str, seconds: flo
     return answer
 
 
-def test_a_stroke_with_the_mouse_is_followed(package: Path, tmp_path: Path):
+@pytest.mark.parametrize("painted", ["image", "colors"])
+def test_a_stroke_with_the_mouse_is_followed(package: Path, tmp_path: Path, painted: str):
     image = pytest.importorskip("PIL.Image")
-    answer = driven("live_driver.py", package, tmp_path)
+    answer = driven("live_driver.py", package, tmp_path, painted)
     if not answer["mouse"]:
         pytest.skip("nothing moves the mouse: xdotool is missing")
-    assert answer["mode"] == "PAINT_TEXTURE" and answer["live"] and answer["placed"] == 10_000
+    mode = {"image": "PAINT_TEXTURE", "colors": "PAINT_VERTEX"}[painted]
+    assert answer["mode"] == mode and answer["live"] and answer["placed"] == 10_000
     # Pixels changed while it was painted, and objects went; counts are kept, and what is far from it stays where it
     # was, but for what had to make room. A stroke is followed in as many parts as the machine has time for: each part
     # sends objects of its own there, and so the limits are wide (a quarter of the spacing, which is 0.8 m).
