@@ -25,10 +25,10 @@ __all__ = ["OutlinesOnSurface"]
 MOST_LEVELS = 12
 # Points whose share is remembered, at most so many times some.
 MOST_KNOWN = 4
-# Points that are looked at together.
-POINTS_AT_ONCE = 200_000
+# Points that are looked at together: as many as a processor's cache holds with all that is worked out of them.
+POINTS_AT_ONCE = 10_000
 # Couples of a point and a spot that are.
-COUPLES_AT_ONCE = 500_000
+COUPLES_AT_ONCE = 25_000
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,8 @@ PASSES = 100
 TURNED = -1e-6
 # Below this share of the product of two sides a triangle has no area.
 NO_AREA = 1e-14
+# As many as a processor's cache holds with all that is worked out of them.
+POINTS_AT_ONCE = 1 << 14
 
 
 class Flips(NamedTuple):
@@ -60,21 +62,28 @@ class Flips(NamedTuple):
         now = np.where(is_first[:, None, None], np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1))
         triangle, weight = triangle.copy(), weight.copy()
         triangle[own] = np.where(is_first, self.one[flip], self.other[flip])
-        weight[own] = _weights(at, now)
+        weight[own] = _weights(at, now, _least_area(now))
         return triangle, weight
 
     def back(self, triangle: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The same the other way round."""
-        own, flip, is_one = self._beside(triangle)
-        a, b, c, d = np.moveaxis(self.flat[flip], 1, 0)
-        flat = np.where(is_one[:, None, None], np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1))
-        at = np.einsum("nk,nkd->nd", weight[own], flat)
-        is_first = _across(c - b, at - b) >= 0.0
-        before = np.where(is_first[:, None, None], np.stack([a, b, c], axis=1), np.stack([d, c, b], axis=1))
-        first = np.where(is_first, self.place[flip], self.other_place[flip])
         triangle, weight = triangle.copy(), weight.copy()
-        triangle[own] = np.where(is_first, self.one[flip], self.other[flip])
-        weight[own] = np.take_along_axis(_weights(at, before), (np.arange(3) - first[:, None]) % 3, axis=1)
+        a, b, c, d = np.moveaxis(self.flat, 1, 0)
+        # Both triangles of every side, as they are and as they were.
+        now = np.stack([a, b, d, a, d, c], axis=1).reshape(-1, 3, 2)
+        before = np.stack([a, b, c, d, c, b], axis=1).reshape(-1, 3, 2)
+        number = np.stack([self.one, self.other], axis=1).ravel()
+        place = np.stack([self.place, self.other_place], axis=1).ravel()
+        side, least = c - b, _least_area(before)
+        for start in range(0, len(triangle), POINTS_AT_ONCE):
+            some = slice(start, start + POINTS_AT_ONCE)
+            own, flip, is_one = self._beside(triangle[some])
+            at = np.einsum("nk,nkd->nd", weight[some][own], now[2 * flip + ~is_one])
+            row = 2 * flip + ~(_across(side[flip], at - b[flip]) >= 0.0)
+            part = _weights(at, before[row], least[row])
+            triangle[some][own] = number[row]
+            for k in range(3):
+                weight[some][own, (place[row] + k) % 3] = part[:, k]
         return triangle, weight
 
     def handed_on(self, values: np.ndarray) -> np.ndarray:
@@ -209,13 +218,19 @@ def _across(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
 
 
-def _weights(at: np.ndarray, flat: np.ndarray) -> np.ndarray:
-    """Weights of the corners of triangles in planes, ``[n, 3, 2]``, at places in them, none below 0; a third each without area."""
-    part = np.stack(
-        [_across(flat[:, (k + 1) % 3] - at, flat[:, (k + 2) % 3] - at) for k in range(3)],
-        axis=1,
-    )
+def _least_area(flat: np.ndarray) -> np.ndarray:
+    """Twice the area below which triangles in planes, ``[n, 3, 2]``, have none [m²], shape ``[n]``."""
+    side = np.abs(flat - np.roll(flat, 1, axis=1)).max(axis=(1, 2))
+    return NO_AREA * side**2
+
+
+def _weights(at: np.ndarray, flat: np.ndarray, least: np.ndarray) -> np.ndarray:
+    """Weights of the corners of triangles in planes, ``[n, 3, 2]``, at places in them, none below 0.
+
+    They are a third each where triangles have no more than the least area, see :func:`_least_area`.
+    """
+    x, y = (flat[:, :, k].T - at[:, k] for k in range(2))
+    part = np.stack([x[(k + 1) % 3] * y[(k + 2) % 3] - y[(k + 1) % 3] * x[(k + 2) % 3] for k in range(3)])
     part = np.maximum(part, 0.0)
-    total = part.sum(axis=1, keepdims=True)
-    side = np.abs(flat - np.roll(flat, 1, axis=1)).max(axis=(1, 2))[:, None]
-    return np.where(total > NO_AREA * side**2, part / np.maximum(total, 1e-300), 1.0 / 3.0)
+    total = part[0] + part[1] + part[2]
+    return np.where(total > least, part / np.maximum(total, 1e-300), 1.0 / 3.0).T

@@ -10,7 +10,7 @@ import numpy as np
 from ..problem.sides import Sides, sides_of
 from ..problem.small_matrices import determinants, inverses
 from ..problem.surface import Surface
-from .flips import Flips, cotangents, find_flips, laid_flat
+from .flips import POINTS_AT_ONCE, Flips, cotangents, find_flips, laid_flat
 
 __all__ = ["SplitTriangles", "even_triangles", "split_triangles"]
 
@@ -50,7 +50,13 @@ class _Pass(NamedTuple):
 
     def back(self, triangle: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Wholes that points lie in, and weights of their corners, of points given by the parts."""
-        return self.parent[triangle], np.einsum("nk,nkd->nd", weight, self.weight[triangle])
+        parent, weight = self.parent[triangle], weight.copy()
+        # What is not cut has the weights that it had.
+        cut = np.flatnonzero(self.number[parent] > 1)
+        for start in range(0, len(cut), POINTS_AT_ONCE):
+            own = cut[start : start + POINTS_AT_ONCE]
+            weight[own] = np.einsum("nk,nkd->nd", weight[own], self.weight[triangle[own]])
+        return parent, weight
 
     def locate(self, triangle: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Parts that points lie in, and weights of their corners, of points given by the wholes."""
