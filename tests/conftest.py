@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import gc
 import os
 import shutil
 import signal
@@ -74,6 +75,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if not wp.is_cuda_available():
             for item in marked:
                 item.add_marker(pytest.mark.skip(reason="no CUDA device on this machine"))
+
+
+def pytest_collection_finish() -> None:
+    """Have Python's collector of garbage look no more at what stays until the end: thousands of tests and all modules."""
+    gc.freeze()
 
 
 @pytest.hookimpl(wrapper=True)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import ast
+import contextlib
+import gc
 import re
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -24,19 +27,30 @@ def tracked(pattern: str) -> list[Path]:
     return sorted([*found, *ROOT.glob(pattern)])
 
 
+@contextlib.contextmanager
+def without_collector() -> Iterator[None]:
+    """Parse without Python's collector of garbage, which looks through all trees again and again: four fifths of the time."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+
+
 @cache
+@without_collector()
 def words_of_the_code() -> frozenset[str]:
     """Every name in the sources, and every word of their texts, such as keys and options; docstrings and comments do not count."""
     words: set[str] = set()
     for path in tracked("*.py"):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
+        nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
         described = (ast.Module, ast.ClassDef, ast.FunctionDef)
         docstrings = {
             id(node.body[0].value)
-            for node in ast.walk(tree)
+            for node in nodes
             if isinstance(node, described) and ast.get_docstring(node) and isinstance(node.body[0], ast.Expr)
         }
-        for node in ast.walk(tree):
+        for node in nodes:
             for field in ("id", "attr", "arg", "name", "module"):
                 if isinstance(name := getattr(node, field, None), str):
                     words |= set(name.split("."))
@@ -54,15 +68,27 @@ def is_word(name: str) -> bool:
     return name in words or f"{name.rpartition('_')[0]}_" in words
 
 
-@cache
-def modules() -> dict[str, ast.Module]:
+def files_of_modules() -> dict[str, Path]:
     """Every module of the package by its dotted name, as it is imported."""
     found = {}
     for path in [ROOT / "__init__.py", *(ROOT / "engine").rglob("*.py"), *(ROOT / "esh_scatter").rglob("*.py")]:
         parts = path.relative_to(ROOT).with_suffix("").parts
         parts = parts[:-1] if parts[-1] == "__init__" else parts
-        found[".".join(("esh", *parts))] = ast.parse(path.read_text(encoding="utf-8"))
+        found[".".join(("esh", *parts))] = path
     return found
+
+
+@cache
+def modules() -> dict[str, ast.Module]:
+    """The same, parsed: not before a test asks, since every process that tests run in collects them all."""
+    with without_collector():
+        return {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in files_of_modules().items()}
+
+
+def teardown_module() -> None:
+    """Let go of the trees, which the collector would look through in all tests that follow."""
+    modules.cache_clear()
+    names_of.cache_clear()
 
 
 def defined_in(body: list[ast.stmt]) -> dict[str, ast.stmt]:
@@ -148,7 +174,7 @@ def test_pages_name_files_that_there_are(path: Path):
             assert Path(token).name in names | OF_USERS, f"{path.name} names {token}, which is not there"
 
 
-@pytest.mark.parametrize("module", sorted(modules()))
+@pytest.mark.parametrize("module", sorted(files_of_modules()))
 def test_references_of_docstrings_have_a_target(module: str):
     for node in ast.walk(modules()[module]):
         if not isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef)):
