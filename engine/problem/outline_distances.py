@@ -47,11 +47,15 @@ def _distance_from(place: np.ndarray, table: np.ndarray, row: np.ndarray) -> np.
     inside = np.full(len(place), count > 2)
     edges = np.roll(table, -1, axis=1) - table
     lengths = np.maximum(np.einsum("mkd,mkd->mk", edges, edges), 1e-300)
+    # Of one outline, numbers for all places.
+    own: np.ndarray | int = row if len(table) > 1 else 0
+    x, y = np.ascontiguousarray(place.T)
     for k in range(count):
-        edge, way = edges[row, k], place - table[row, k]
-        along = np.clip(np.einsum("nd,nd->n", way, edge) / lengths[row, k], 0.0, 1.0)
-        off = way - along[:, None] * edge
-        np.minimum(squared, np.einsum("nd,nd->n", off, off), out=squared)
-        inside &= edge[:, 0] * way[:, 1] - edge[:, 1] * way[:, 0] >= 0.0
+        edge_x, edge_y = edges[:, k, 0][own], edges[:, k, 1][own]
+        way_x, way_y = x - table[:, k, 0][own], y - table[:, k, 1][own]
+        along = np.clip((way_x * edge_x + way_y * edge_y) / lengths[:, k][own], 0.0, 1.0)
+        off_x, off_y = way_x - along * edge_x, way_y - along * edge_y
+        np.minimum(squared, off_x * off_x + off_y * off_y, out=squared)
+        inside &= edge_x * way_y - edge_y * way_x >= 0.0
     away = np.sqrt(squared)
     return np.where(inside, -away, away)
