@@ -579,7 +579,9 @@ def _cut_shape(
         if len(crossed):
             crossing = a[0] + (ys[crossed] - a[1]) * edge[0] / edge[1]
             inside[crossed] ^= xs < crossing[:, None]
-    away = np.where(inside, -np.sqrt(away), np.sqrt(away)) - obstacle.margin
+    np.sqrt(away, out=away)
+    np.negative(away, out=away, where=inside)
+    away -= obstacle.margin
     np.minimum(result[rows, columns], away, out=result[rows, columns], casting="same_kind")
 
 

@@ -44,7 +44,11 @@ def cluster() -> Iterator[Any]:
     ray = pytest.importorskip("ray")
     from ray.cluster_utils import Cluster
 
-    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    # A machine that is lost is asked five times before it counts as such: every half a second, not every three. One that is only
+    # slow has as long to answer as ever.
+    settings = {"health_check_period_ms": 500}
+    head = {"num_cpus": 1, "include_dashboard": False, "_system_config": settings}
+    made = Cluster(initialize_head=True, head_node_args=head)
     yield made
     ray.shutdown()
     made.shutdown()
