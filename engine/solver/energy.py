@@ -8,6 +8,7 @@ mirrored, E is a sum over waves.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -20,6 +21,8 @@ __all__ = ["Energy"]
 
 # Targets are averaged over so many cells along a side: bodies are few, and a cell is far smaller than the ground of each.
 MOST_CELLS = 32
+# Corners of cells, seen from several positions, that are worked out together: as many as a processor's cache holds.
+CORNERS_AT_ONCE = 1 << 12
 # Waves down to a length of 2 pi times SHORTEST_WAVE are summed, damped as if charges were Gaussians of WIDTH, both over the spacing of
 # charges: the shortest then count 1e-4 of what they would undamped.
 SHORTEST_WAVE, WIDTH = 0.05, 0.15
@@ -71,9 +74,9 @@ class Energy:
         between[self._body[:, None] == self._body] = 0.0
         squared = ((position[:, None] - position) ** 2).sum(axis=2)
         result = -0.25 * float((between * np.log(np.maximum(squared, NO_DISTANCE))).sum())
-        for group, target in enumerate(self._targets):
+        for group, potential in enumerate(_potentials(position, self._targets, self._model.size)):
             seen = self._matrix[self._group, group] * self._charge
-            result += float((seen * _potential(position, target, self._model.size)).sum())
+            result += float((seen * potential).sum())
         return result
 
     def _prepare_waves(self) -> None:
@@ -123,25 +126,30 @@ class Energy:
         return result
 
 
-def _potential(position: np.ndarray, target: np.ndarray, size: tuple[float, float]) -> np.ndarray:
-    """Sum of log r over a target's cells at positions, exact for cells of even charge; shape ``[n]``."""
-    rows, columns = target.shape
-    x = np.arange(columns + 1) * size[0] / columns
-    y = np.arange(rows + 1) * size[1] / rows
-    area = size[0] * size[1] / (rows * columns)
-    result = np.empty(len(position))
-    for i, (px, py) in enumerate(position):
-        corner = _corner(x[None, :] - px, y[:, None] - py)
-        cells = corner[1:, 1:] - corner[1:, :-1] - corner[:-1, 1:] + corner[:-1, :-1]
-        result[i] = (target * cells).sum() / area
+def _potentials(position: np.ndarray, targets: Sequence[np.ndarray], size: tuple[float, float]) -> list[np.ndarray]:
+    """Sums of log r over the cells of every target at positions, exact for cells of even charge; shape ``[n]`` each."""
+    result = [np.empty(len(position)) for _ in targets]
+    # Targets of as many cells have them at the same places.
+    for rows, columns in sorted({target.shape for target in targets}):
+        own = [number for number, target in enumerate(targets) if target.shape == (rows, columns)]
+        x = np.arange(columns + 1) * size[0] / columns
+        y = np.arange(rows + 1) * size[1] / rows
+        area = size[0] * size[1] / (rows * columns)
+        at_once = max(1, CORNERS_AT_ONCE // ((rows + 1) * (columns + 1)))
+        for first in range(0, len(position), at_once):
+            some = position[first : first + at_once, :, None, None]
+            corner = _corner(x - some[:, 0], y[:, None] - some[:, 1])
+            cells = corner[:, 1:, 1:] - corner[:, 1:, :-1] - corner[:, :-1, 1:] + corner[:, :-1, :-1]
+            for number in own:
+                result[number][first : first + at_once] = [(targets[number] * of_one).sum() / area for of_one in cells]
     return result
 
 
 def _corner(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Integral of log r over the rectangle from the origin to (x, y), signed."""
-    x, y = np.broadcast_arrays(x, y)
+    """Integral of log r over rectangles from the origin to (x, y), signed."""
     squared = np.maximum(x * x + y * y, AT_CORNER)
     # The angles are those of y / x and x / y, also where one of them is 0.
-    upward = np.arctan2(y * np.sign(x), np.abs(x)) * x * x
-    sideward = np.arctan2(x * np.sign(y), np.abs(y)) * y * y
+    wide, high = (np.broadcast_to(np.abs(one), squared.shape).copy() for one in (x, y))
+    upward = np.arctan2(y * np.sign(x), wide) * x * x
+    sideward = np.arctan2(x * np.sign(y), high) * y * y
     return 0.5 * (x * y * (np.log(squared) - 3.0) + upward + sideward)
