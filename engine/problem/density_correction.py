@@ -31,14 +31,15 @@ def tone_map(gray: np.ndarray) -> np.ndarray:
     gray = np.asarray(gray, dtype=np.float64)
     dark = gray < 1.0 - LARGEST_WITHOUT_OVERLAP
     result = gray.copy()
-    wanted = np.maximum(gray[dark], 0.0)
+    # Images have few different values; each is looked for once.
+    wanted, place = np.unique(np.maximum(gray[dark], 0.0), return_inverse=True)
     low, high = np.zeros(wanted.shape), np.full(wanted.shape, math.pi / 6.0)
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         too_bright = _uncovered_share(middle) > wanted
         low, high = np.where(too_bright, low, middle), np.where(too_bright, middle, high)
     c = np.cos(math.pi / 6.0 - 0.5 * (low + high))
-    result[dark] = 1.0 - LARGEST_WITHOUT_OVERLAP / c**2
+    result[dark] = (1.0 - LARGEST_WITHOUT_OVERLAP / c**2)[place]
     return result
 
 

@@ -12,6 +12,9 @@ from ..problem.footprint import Footprint
 
 __all__ = ["FootprintTables", "footprint_tables", "numbered", "ranked"]
 
+# Where combinations have so many times as many numbers as there are of them, they are sorted instead of looked up in a table.
+SORTED = 16
+
 
 @dataclass(frozen=True, eq=False)
 class FootprintTables:
@@ -150,7 +153,11 @@ def numbered(*keys: np.ndarray) -> np.ndarray:
         low, high = int(key.min()), int(key.max())
         number = number * (high - low + 1) + (key - low)
         # After every key only as many as there are, so that the numbers stay small.
-        there = np.zeros(int(number.max()) + 1, bool)
+        most = int(number.max()) + 1
+        if most > SORTED * len(number):
+            number = ranked(number)
+            continue
+        there = np.zeros(most, bool)
         there[number] = True
         number = (np.cumsum(there) - 1)[number]
     return number
