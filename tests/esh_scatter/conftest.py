@@ -37,6 +37,7 @@ def follow() -> Callable[..., None]:
             still = 0 if any(one.busy for one in live._followed.values()) else still + 1
             if until is not None and until():
                 return
-            time.sleep(0.01)
+            # Every look takes time from the solver that is waited for.
+            time.sleep(0.01 if still else 0.02)
 
     return run
