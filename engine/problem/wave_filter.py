@@ -33,16 +33,21 @@ def from_cosines(spectrum: np.ndarray, threads: int = 1) -> np.ndarray:
 
 
 def _by_rows(transform: Callable[[np.ndarray], np.ndarray], values: np.ndarray, threads: int) -> np.ndarray:
-    """Transform rows, several threads some each."""
-    if threads < 2 or len(values) <= ROWS_AT_ONCE:
+    """Transform rows, several threads some each; one alone, too, takes no more at once than its cache holds."""
+    if len(values) <= ROWS_AT_ONCE:
         return transform(values)
     result = np.empty(values.shape)
 
     def make(first: int) -> None:
         result[first : first + ROWS_AT_ONCE] = transform(np.ascontiguousarray(values[first : first + ROWS_AT_ONCE]))
 
+    starts = range(0, len(values), ROWS_AT_ONCE)
+    if threads < 2:
+        for first in starts:
+            make(first)
+        return result
     with ThreadPoolExecutor(threads) as pool:
-        for _ in pool.map(make, range(0, len(values), ROWS_AT_ONCE)):
+        for _ in pool.map(make, starts):
             pass
     return result
 
