@@ -338,7 +338,9 @@ def test_cover_asks_for_as_many_as_fit(density):
 def test_a_surface_is_thousands_of_spacings_long(count):
     """What lies that far away, in a slot of the grid of cells that it shares, is not looked up in the table of near forces."""
     sliver = Surface(SurfaceMesh(np.array([[0, 0, 0], [1, 0, 0], [0.5, 1e-4, 0]]), np.array([[0, 1, 2]])))
-    placement = placed(Problem(sliver, [BodyClass("a", [Size("s", 1e-9, count)])]), 20)
+    problem = Problem(sliver, [BodyClass("a", [Size("s", 1e-9, count)])])
+    # The report of one is enough, which must not fail there, either.
+    placement = solve(problem, device="cpu", max_steps=20) if count == 500 else placed(problem, 20)
     assert np.isfinite(placement.position).all() and len(placement.position) == count
     assert (
         np.abs(np.bincount((4.0 * placement.position[:, 0]).astype(int)) / count - (1, 3, 3, 1) / np.float64(8)).max()
