@@ -29,12 +29,17 @@ def package(tmp_path_factory) -> Path:
     return made
 
 
+# The zip that a window has installed: the others find the extension there.
+_installed: set[Path] = set()
+
+
 def driven(name: str, package: Path, folder: Path, *arguments: str, seconds: float = 600.0) -> dict:
     """Have a script drive a window, and return what it says; its pictures are kept where ``BLENDER_SCREENSHOTS`` says."""
     # A Blender of another file system root still sees temporary folders.
     for script in (name, "window_hand.py", "window_steps.py"):
         shutil.copy(Path(__file__).with_name(script), folder)
-    command = [BLENDER, "--factory-startup", "--python", folder / name, "--", package, folder, *arguments]
+    asked = "-" if package in _installed else package
+    command = [BLENDER, "--factory-startup", "--python", folder / name, "--", asked, folder, *arguments]
     finished = subprocess.run(command, capture_output=True, text=True, timeout=seconds, stdin=subprocess.DEVNULL)
     kept = os.environ.get("BLENDER_SCREENSHOTS")
     for picture in folder.glob("*.png") if kept else ():
@@ -43,6 +48,7 @@ def driven(name: str, package: Path, folder: Path, *arguments: str, seconds: flo
     assert answer_file.exists(), finished.stdout[-2000:] + finished.stderr[-2000:]
     answer = json.loads(answer_file.read_text(encoding="utf-8"))
     assert "error" not in answer, answer["error"]
+    _installed.add(package)
     return answer
 
 
