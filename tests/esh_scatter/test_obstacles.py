@@ -302,6 +302,7 @@ def test_what_another_scatter_has_placed_on_a_wall_keeps_off_with_its_outlines(t
         assert not any(a.buffer(-1e-3).contains(b.centroid) for a in there[side] for b in here[side])
 
 
+@pytest.mark.once
 def test_the_report_counts_what_lies_in_those_of_another_scatter():
     source, where = tile(), wall()
     first = on_surface(where, source, 110, "First", 1)
@@ -591,6 +592,7 @@ def test_a_later_scatter_makes_room_for_the_one_before(sidebar, ground, tree):
     assert np.linalg.norm(one[:, None] - two, axis=2).min() < 0.5 and not second.outdated
 
 
+@pytest.mark.once
 def test_a_later_scatter_makes_room_on_a_wall_for_the_one_before_and_for_what_was_removed(sidebar):
     where, source = wall(), tile()
     first, second = (in_sidebar(sidebar, where, source, 60) for _ in range(2))

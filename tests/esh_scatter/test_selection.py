@@ -246,6 +246,7 @@ def test_that_most_has_held_the_number_is_told(ground, objects, capfd):
     assert "Held at" not in capfd.readouterr().out
 
 
+@pytest.mark.once
 def test_a_selection_asks_for_what_fits_between_what_stands_there(ground, objects, capfd):
     for item in (objects[0], objects[1], objects[0]):
         select(item, ground, active=ground)
@@ -290,6 +291,7 @@ def test_rings_cover_as_much_of_the_ground_as_was_asked_for(ground):
     assert bpy.context.scene.esh_scatter.active.report["covered"] == pytest.approx(0.25, abs=0.02)
 
 
+@pytest.mark.once
 def test_nothing_lines_up_along_the_edges(ground, objects):
     select(objects[2], ground, active=ground)
     side, crowding = 20.0, {}

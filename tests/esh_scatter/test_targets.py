@@ -187,6 +187,7 @@ def lying_in_each_other(result, tolerance):
     return found
 
 
+@pytest.mark.once
 def test_sources_keep_apart_by_their_outlines_on_a_whole_surface():
     ball = added("ico_sphere", subdivisions=4, radius=2.0)
     # Neither is long enough to be a line; planks that are asked for as outlines are.
@@ -207,6 +208,7 @@ def test_sources_keep_apart_by_their_outlines_on_a_whole_surface():
     assert len(lying_in_each_other(loose, 0.03)) > 50
 
 
+@pytest.mark.once
 def test_on_a_whole_surface_outlines_of_a_range_and_of_long_objects_cover_as_many_as_fit():
     ball = added("ico_sphere", subdivisions=4, radius=3.0)
     sizes = [
