@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .nearest_on_triangles import morton_order
+from .morton_order import morton_order
 
 __all__ = ["nearest_on_segments"]
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["corner_weights", "morton_order", "nearest_in", "nearest_on_triangles"]
+from .morton_order import morton_order
+
+__all__ = ["corner_weights", "nearest_in", "nearest_on_triangles"]
 
 # Triangles are as near as others within this share of the distance to the nearest middle of one.
 AS_NEAR = 1e-6
-# Triangles in a block of neighbors, and bits of the cells along each axis that these are found by.
+# Triangles in a block of neighbors.
 TRIANGLES_OF_BLOCK = 32
-BITS_OF_CELL = 12
 # Lengths are a little more, for rounding.
 SAFELY = 1.0 + 1e-9
 
@@ -71,18 +72,6 @@ class _Blocks:
         near = float(_length(self._middle[rows] - point).min())
         rows = rows[_from_box(self._low[rows], self._high[rows], point) <= near * SAFELY]
         return np.sort(self._triangle[rows]), near
-
-
-def morton_order(position: np.ndarray) -> np.ndarray:
-    """An order of points ``[n, 3]`` in which neighbors follow each other: that of their cells along Morton's curve."""
-    low, high = position.min(axis=0), position.max(axis=0)
-    steps = (1 << BITS_OF_CELL) - 1
-    cell = ((position - low) / max(float((high - low).max()), 1e-300) * steps).astype(np.int64)
-    code = np.zeros(len(position), np.int64)
-    for bit in range(BITS_OF_CELL):
-        for axis in range(3):
-            code |= ((cell[:, axis] >> bit) & 1) << (3 * bit + axis)
-    return np.argsort(code, kind="stable")
 
 
 def _from_box(low: np.ndarray, high: np.ndarray, point: np.ndarray) -> np.ndarray:

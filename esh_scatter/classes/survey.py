@@ -28,7 +28,7 @@ SAME_EXTENT = 1e-5
 
 
 class Survey:
-    """Charts, outlines and densities by the contents of what they were made of; the last ones that were asked for are kept.
+    """Charts, outlines, densities and directions by what they were made of; the last ones that were asked for are kept.
 
     One thread at a time may use it.
 
@@ -42,13 +42,13 @@ class Survey:
         self._domain: Domain | None = None
         self._drawn_obstacle: Obstacle | None = None
         self._outlines: dict[Hashable, Outline] = {}
-        self._densities: dict[Hashable, np.ndarray] = {}
+        self._values: dict[Hashable, np.ndarray] = {}
         self._used: set[Hashable] = set()
 
     def begin(self, mesh: TriangleMesh, settings: TargetSettings) -> Chart | WholeSurface:
         """Return the part of a target that the settings choose; what nobody has asked for since the last call is let go of."""
         self._outlines = {key: value for key, value in self._outlines.items() if key in self._used}
-        self._densities = {key: value for key, value in self._densities.items() if key in self._used}
+        self._values = {key: value for key, value in self._values.items() if key in self._used}
         self._used.clear()
         content = (mesh.position, mesh.triangle, mesh.corner, mesh.corner_normal, mesh.normal_matrix)
         bounds = np.zeros((0, 3)) if mesh.bounds is None else mesh.bounds
@@ -58,7 +58,7 @@ class Survey:
         else:
             # Two of a large target are not to be there at once.
             self._chart = None
-            self._densities.clear()
+            self._values.clear()
             chart = chart_of(mesh, settings, self.resolution)
         self._chart = shape, chart
         return chart
@@ -123,9 +123,9 @@ class Survey:
         if content is None:
             return work()
         self._used.add(content)
-        if content not in self._densities:
-            self._densities[content] = work()
-        return self._densities[content]
+        if content not in self._values:
+            self._values[content] = work()
+        return self._values[content]
 
 
 def _along_surface(source: DirectionSource, points: SurfacePoints, key: str) -> np.ndarray:
