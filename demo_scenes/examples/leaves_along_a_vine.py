@@ -22,7 +22,7 @@ def main(folder: Path) -> esh.ScatterResult:
     bpy.context.collection.objects.link(vine)
     near, along = esh.DistanceDensity(vine, near=0.5, far=3.2), esh.CurveDirection(vine)
     leaves = esh.ScatterClass("leaf", [esh.ScatterSize("all", 1300, leaf)], near, direction=along)
-    result = esh.scatter(ring, [leaves], seed=2, surface="whole", align_to_normal=1.0, scale_jitter=0.3, regularity=0.0)
+    result = esh.scatter(ring, [leaves], seed=2, surface="whole", align_to_normal=1.0, scale_jitter=0.3)
     render(folder / "leaves_along_a_vine.png")
     return result
 
