@@ -163,8 +163,8 @@ NODE_PLANES = 6
 # Native code because these loops are most of a step's time. A CPU takes so many neighbors at once, a GPU one: those of a run lie side
 # by side. What lies behind the end of a run is read, too, and does not count.
 LANES = 8
-# Terms of the polynomial in NearPart. What is blurred usually is wrong by .03 with 8, by .006 with 10.
-NEAR_TERMS = 10
+# Terms of the polynomial in NearPart: it is wrong by .001 with 5, by .0001 with 6.
+NEAR_TERMS = 6
 _LANES = f"""
 #if defined(__CUDA_ARCH__)
     typedef float V;

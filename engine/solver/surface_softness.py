@@ -38,11 +38,7 @@ def softness_of(model: Model) -> Softness | None:
     if model.may_tangle:
         return None
     alike = float(np.ptp(charge)) == 0.0 and not any(c.varies_on_surface for c in problem.classes)
-    regularity = problem.regularity
-    if problem.avoid_overlap and (model.kinds or bool(model.footprints.is_outline.any())):
-        # Softer ones gather in pairs here: at 0 the nearest neighbors are .6 spacings apart, in the plane .8.
-        regularity = max(regularity, blur.USUAL_REGULARITY)
-    width = blur.blur_over_spacing(regularity, uniform=alike)
+    width = blur.blur_over_spacing(problem.regularity, uniform=alike)
     strength, end = blur.core(width, uniform=alike, longest=None if alike else REACH_OF_DIFFERING)
     reach = width * math.sqrt(2.0 * end)
     between = model.groups.matrix - np.diag(np.diag(model.groups.matrix))
