@@ -26,6 +26,9 @@ __all__ = ["FixedBodies", "FixedBody", "FixedTable", "Origin", "WrongBodyError",
 
 # Weights of a triangle's corners may be so far below 0, and their sum so far from 1.
 ROUNDED_WEIGHT = 1e-3
+# And positions so far from where weights say, as a share of the surface's extent, and of its coordinates, as float32 rounds them.
+ROUNDED_PLACE = 2e-3
+ROUNDED_COORDINATE = 1e-6
 # A class or a size: by its name, or by its index.
 Label = str | int
 # What stands for a value that is not said, where there may be one for each body.
@@ -262,6 +265,8 @@ class FixedBodies(Settings):
     )
     # What sentences about them begin with; only readers of files know it.
     origin: ClassVar[Origin | None] = None
+    # Whether triangles say where they are, as on a mesh that was bent since. Otherwise a position elsewhere is a mistake.
+    stick: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -286,7 +291,7 @@ class FixedBodies(Settings):
 
     @classmethod
     def of_placement(cls, placement: Placement, chosen: np.ndarray | None = None) -> FixedBodies:
-        """Fix bodies of a placement where they are, with their identities.
+        """Fix bodies of a placement where they are, with their identities; on a surface that was bent since, on their triangles.
 
         Args:
             placement: A result.
@@ -300,7 +305,7 @@ class FixedBodies(Settings):
         sizes = [[size.name for size in c.sizes] for c in placement.problem.classes]
         pairs = zip(placement.class_index[pick].tolist(), placement.size_index[pick].tolist(), strict=True)
         labels = [(names[c], sizes[c][s]) for c, s in pairs]
-        return cls(
+        bodies = cls(
             placement.position[pick],
             [name for name, _ in labels],
             [size for _, size in labels],
@@ -314,6 +319,8 @@ class FixedBodies(Settings):
             None if placement.triangle is None else placement.triangle[pick],
             None if placement.barycentric is None else placement.barycentric[pick],
         )
+        settle(bodies, stick=True)
+        return bodies
 
 
 def _chosen(chosen: object, number: int) -> np.ndarray:
@@ -570,8 +577,28 @@ def _on_triangles(
     result = np.full_like(barycentric, 1.0 / 3.0)
     # What was written by us is taken as it is.
     result[known] = np.where(np.abs(total - 1.0) > 1e-12, weight / total, weight)
-    position[known] = surface.locate(mesh[known], triangle[known], result[known]).position
+    place = surface.locate(mesh[known], triangle[known], result[known]).position
+    said_twice = ~free & ~np.concatenate([np.full(len(part), part.stick) for part in parts])[known]
+    _check_near(parts, surface, known[said_twice], position[known[said_twice]], place[said_twice])
+    position[known] = place
     return position, result
+
+
+def _check_near(
+    parts: Sequence[FixedBodies], surface: Surface, row: np.ndarray, position: np.ndarray, place: np.ndarray
+) -> None:
+    """Raise an error about the first of some bodies whose position is not where its triangle and weights say, ``place``."""
+    rounded = ROUNDED_PLACE * max(surface.size)
+    rounded += ROUNDED_COORDINATE * float(np.abs([surface.low, surface.high]).max())
+    away = np.linalg.norm(position - place, axis=1)
+    elsewhere = np.flatnonzero(away > rounded)
+    if len(elsewhere):
+        first = elsewhere[0]
+        said = (
+            f"must be where `fixed.triangle` and `fixed.barycentric` say, {show(np.round(place[first], 6))}; got "
+            f"{show(position[first])}, {away[first]:.3g} m away"
+        )
+        raise _wrong(parts, int(row[first]), "position", said)
 
 
 def _parts(given: object) -> tuple[object, ...]:
@@ -586,7 +613,9 @@ def _as_bodies(part: object) -> FixedBodies:
     if isinstance(part, FixedBodies):
         return part
     if isinstance(part, FixedTable):
-        return FixedBodies(*part)
+        bodies = FixedBodies(*part)
+        settle(bodies, stick=True)
+        return bodies
     if not isinstance(part, FixedBody):
         raise ProblemError(f"`fixed` must be a FixedBodies, or a list of FixedBody; got {show(part)} among them")
     try:

@@ -127,8 +127,10 @@ class Pins(NamedTuple):
         """
         normal = unit_vectors(np.einsum("nij,nj->ni", self.turned, self.normal))
         triangle, weight = surface.nearest(self.position, normal)
+        corner = surface.mesh.position[surface.mesh.triangle[triangle]].astype(np.float64)
         return FixedBodies(
-            self.position,
+            # The ground may have moved away from where they were.
+            np.einsum("nk,nkd->nd", weight, corner),
             self.class_index.astype(object),
             self.size_index.astype(object),
             self._angle_on(normal),

@@ -1,6 +1,7 @@
 """On a surface: bodies that are fixed, obstacles, and edits that go on from where bodies are."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -241,6 +242,10 @@ def test_what_has_no_meaning_on_a_surface_is_said():
         ({"triangle": 0, "mesh": 4}, "`fixed.mesh` must be below 1, the number of meshes of the surface; got 4"),
         ({"triangle": 0, "barycentric": [[5, 0, 0]]}, "three numbers of 0 or more whose sum is 1; got .5.0, 0.0, 0.0."),
         ({"triangle": 0, "barycentric": [[np.nan, 0, 0]]}, "three numbers of 0 or more whose sum is 1; got .nan"),
+        (
+            {"triangle": 0, "barycentric": [[1, 0, 0]]},
+            r"`fixed.position` must be where `fixed.triangle` and `fixed.barycentric` say, \[-?\d.*\]; got .*, 1\.\d+ m away",
+        ),
     ],
 )
 def test_triangles_of_fixed_bodies_that_are_none_are_told(named, said):
@@ -255,6 +260,26 @@ def test_a_fixed_body_on_a_triangle_lies_where_that_is_nearest_to_its_position()
     after = esh.solve(problem(20, fixed=esh.FixedBodies([1.01 * place], triangle=triangle)), **RUN)
     assert after.triangle[after.fixed].tolist() == [triangle]
     np.testing.assert_allclose(after.position[after.fixed], [place], atol=2e-3)
+
+
+def test_a_position_beside_its_triangle_and_weights_may_be_rounded_and_of_a_placement_sticks_to_them():
+    vertices = BALL.vertices + (1000.0, 0.0, 0.0)
+    moss = [esh.BodyClass("moss", [esh.Size("tuft", 0.004, 20)])]
+    far_off = esh.Surface(esh.SurfaceMesh(vertices, BALL.faces))
+    weight = [[0.123456, 0.345678, 0.530866]]
+    place = weight @ vertices[BALL.faces[9]]
+    rounded = esh.FixedBodies(place.astype(np.float32), triangle=9, barycentric=np.round(weight, 3))
+    np.testing.assert_allclose(esh.Problem(far_off, moss, fixed=rounded).fixed.position, place, atol=1e-3)
+    before = esh.solve(esh.Problem(far_off, moss), **RUN)
+    bent = esh.Surface(esh.SurfaceMesh(BALL.vertices * (1.0, 1.0, 2.0), BALL.faces))
+    pinned = esh.Problem(bent, moss, fixed=esh.FixedBodies.of_placement(before, [3]))
+    for problem_there in (pinned, replace(pinned, domain=far_off)):
+        table = problem_there.fixed
+        assert (table.triangle.tolist(), table.barycentric.tolist()) == (
+            before.triangle[[3]].tolist(),
+            before.barycentric[[3]].tolist(),
+        )
+    np.testing.assert_allclose(pinned.fixed.position, (before.position[[3]] - (1000.0, 0.0, 0.0)) * (1.0, 1.0, 2.0))
 
 
 def test_a_triangle_without_an_area_holds_no_body():
