@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from ..errors import InputFileError, ProblemError
 from ..problem import validation
+from ..problem.settings import settings_of
 from ..problem.surface import Surface, SurfaceMesh
 from ..problem.surface_density import SurfaceAttribute, SurfaceDensity, SurfaceImage, SurfaceTriplanar
 from ..problem.surface_directions import AlongCurves, SurfaceDirection, SurfaceVectors
@@ -63,21 +65,37 @@ def read_surface_direction(table: RecipeTable) -> SurfaceDirection:
         )
     if given == ["attribute"]:
         return SurfaceVectors(table.take("attribute", validation.check_name))
-    curves = table.entries["curve"]
-    if isinstance(curves, str):
-        curves = table.read("curve", _read_curves)
-    return table.build(lambda: AlongCurves(curves))
+    if isinstance(table.entries["curve"], str):
+        return AlongCurves(table.read("curve", _read_curves))
+    return AlongCurves(table.take("curve", _check_curves))
 
 
-def _read_curves(path: Path) -> list[np.ndarray]:
+def _read_curves(path: Path) -> Sequence[np.ndarray]:
     """Return the curves of a table, shape ``[m, 3]`` each: points one after the other, of several with the numbers of theirs."""
     check_is_file(path, "curves are a .csv file")
-    columns = read_csv(path, ("x", "y", "z", "curve")).columns
+    columns, line = read_csv(path, ("x", "y", "z", "curve"))
     if "z" not in columns:
         raise InputFileError(f"{path} must have the columns `x`, `y` and `z`, and may have `curve`")
+    for name in ("x", "y", "z", "curve"):
+        # An empty cell was read as NaN.
+        missing = ~np.isfinite(columns.get(name, np.zeros(len(line))))
+        if missing.any():
+            at = line[np.argmax(missing)]
+            raise InputFileError(
+                f"{path} must have a finite number in every line of its column `{name}`; line {at} has none"
+            )
     point = np.stack([columns[axis] for axis in "xyz"], axis=1)
     number = columns.get("curve", np.zeros(len(point)))
-    return [point[number == one] for one in dict.fromkeys(number.tolist())]
+    try:
+        return _check_curves([point[number == one] for one in dict.fromkeys(number.tolist())], str(path))
+    except ProblemError as error:
+        raise InputFileError(str(error)) from None
+
+
+def _check_curves(value: object, key: str) -> Sequence[np.ndarray]:
+    """Return curves as :class:`.AlongCurves` keeps them; sentences call them ``key``, as the recipe does."""
+    curves: Sequence[np.ndarray] = settings_of(AlongCurves)["curves"].checked(value, key)
+    return curves
 
 
 def surface_files(recipe: dict[str, Any]) -> list[object]:

@@ -99,8 +99,14 @@ class RecipeTable:
         try:
             return make()
         except ProblemError as error:
-            where = f"`{self.place.rstrip('.')}`: " if self.place else ""
-            raise InputFileError(f"{self.path}: {where}{error}") from None
+            raise InputFileError(f"{self.path}: {self._placed(str(error))}") from None
+
+    def _placed(self, said: str) -> str:
+        """Return a sentence about values of this table with the place that this has, once."""
+        own = f"`{self._header('').rstrip('.').rpartition('.')[2]}."
+        if self.place and said.startswith(own):
+            return said.replace(own, f"`{self.place}")
+        return f"`{self.place.rstrip('.')}`: {said}" if self.place else said
 
     def read(self, name: str, reader: Callable[[Path], Value]) -> Value:
         """Return what ``reader`` makes of the file beside the recipe that a key names."""

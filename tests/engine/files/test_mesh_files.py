@@ -238,8 +238,10 @@ def test_lines_of_a_recipe_lie_along_vectors_of_its_mesh(tmp_path):
         ('{ attribute = "flow" }\ndirection_kind = "angle"', "is only for a `direction` that is an image"),
         ("{ }", "`attribute` or `curve` must be given|or `curve` must be given"),
         ('{ attribute = "flow", curve = "a.csv" }', "cannot be combined with `curve`"),
+        ('{ attribute = "moss" }', '`line.direction` of class "moss" must name an attribute of the surface'),
         ('{ curve = "a.csv" }', "cannot be used: .*a.csv"),
-        ("{ curve = [[0, 0, 0]] }", "must be two or more points"),
+        ("{ curve = [[0, 0, 0]] }", r"`class\[1\]\.size\[1\]\.line\.direction\.curve` .* must be two or more points"),
+        ("{ curve = [[0, 0, 0], [nan, 0, 0]] }", r"direction\.curve` .* must be finite everywhere"),
     ):
         path.write_text(f"{plain}[class.size.line]\nlength = 0.2\ndirection = {wrong}\n")
         with pytest.raises(EshError, match=sentence):
@@ -272,6 +274,25 @@ def test_lines_of_a_recipe_lie_along_the_nearest_curve(tmp_path, inline):
     assert above.sum() > 10 and np.median(share[above]) > 0.98
 
 
+@pytest.mark.parametrize(
+    ("lines", "sentence"),
+    [
+        ("0,0,0,1\n\n1,,1,1\n", "must have a finite number in every line of its column `y`; line 4 has none"),
+        ("0,0,0,1\n1,inf,1,1\n", "must have a finite number in every line of its column `y`; line 3 has none"),
+        ("0,0,0,1\n1,1,1,\n", "must have a finite number in every line of its column `curve`; line 3 has none"),
+        ("0,0,0,1\n1,1,1,2\n", r"must be two or more points \[x, y, z\] of a curve"),
+        ("", "must be curves of some length"),
+    ],
+)
+def test_mistakes_in_the_table_of_a_curve_are_told_with_its_file_and_line(tmp_path, lines, sentence):
+    trimesh.creation.icosphere(subdivisions=2).export(tmp_path / "ball.ply")
+    (tmp_path / "stem.csv").write_text(f"x,y,z,curve\n{lines}")
+    path = recipe(tmp_path, '"ball.ply"', "1.0")
+    path.write_text(f'{path.read_text()}[class.size.line]\nlength = 0.2\ndirection = {{ curve = "stem.csv" }}\n')
+    with pytest.raises(InputFileError, match=rf"direction\.curve` \(.*\) cannot be used: .*stem\.csv {sentence}"):
+        read_recipe(path)
+
+
 def test_fixed_bodies_of_a_recipe_say_which_side_of_a_thin_wall_they_are_on(tmp_path):
     """The two sides of a sheet lie in one place: the nearest triangle alone would not tell them apart."""
     corner = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
@@ -280,14 +301,18 @@ def test_fixed_bodies_of_a_recipe_say_which_side_of_a_thin_wall_they_are_on(tmp_
     sheet.export(tmp_path / "sheet.ply")
     path = recipe(tmp_path, '"sheet.ply"', "1.0")
     plain = path.read_text()
-    for triangle in (1, 3):
+    for triangle, weights in ((1, "[0.4, 0.3, 0.3]"), (3, "[0.3, 0.3, 0.4]")):
         path.write_text(
-            f"{plain}\n[[fixed]]\nposition = [[0.3, 0.6, 0.0]]\nmesh = 0\ntriangle = {triangle}\n"
-            "barycentric = [[0.4, 0.3, 0.3]]\n"
+            f"{plain}\n[[fixed]]\nposition = [[0.3, 0.6, 0.0]]\nmesh = 0\ntriangle = {triangle}\nbarycentric = [{weights}]\n"
         )
         placement = solve(read_recipe(path), device="cpu", max_steps=2)
         assert placement.triangle[placement.fixed].tolist() == [triangle]
         assert np.sign(placement.normal[placement.fixed][:, 2]).tolist() == [1.0 if triangle == 1 else -1.0]
+    path.write_text(path.read_text().replace("[0.3, 0.3, 0.4]", "[0.3, 0.4, 0.3]"))
+    with pytest.raises(
+        InputFileError, match=r"`fixed\.position` must be where .*, \[0\.4, 0\.7, 0\.0\]; got \[0\.3, 0\.6, 0"
+    ):
+        read_recipe(path)
     path.write_text(f"{plain}\n[[fixed]]\nposition = [[0.3, 0.6, 0.0]]\ntriangle = 9\n")
     with pytest.raises(EshError, match="triangle"):
         read_recipe(path)
