@@ -28,7 +28,11 @@ class SurfaceAttribute(Settings):
 
     def __call__(self, points: PointsOnSurface) -> np.ndarray:
         """Values at points, shape ``[n]``."""
-        values = points.attribute(self.name, "`density`")
+        return self.at(points, "`density`")
+
+    def at(self, points: PointsOnSurface, key: str) -> np.ndarray:
+        """Return the same; sentences call the density ``key``."""
+        values = points.attribute(self.name, key)
         if values.ndim == 1:
             return values
         if values.shape[1] < 3:
@@ -51,7 +55,11 @@ class SurfaceImage(Settings):
 
     def __call__(self, points: PointsOnSurface) -> np.ndarray:
         """Values at points, shape ``[n]``."""
-        return _bilinear(self.image, points.uv("`density`"))
+        return self.at(points, "`density`")
+
+    def at(self, points: PointsOnSurface, key: str) -> np.ndarray:
+        """Return the same; sentences call the density ``key``."""
+        return _bilinear(self.image, points.uv(key))
 
 
 @described
@@ -99,7 +107,8 @@ def density_at(density: SurfaceDensity | None, points: PointsOnSurface, key: str
     count = len(points.triangle)
     if density is None:
         return np.ones(count)
-    values = validation.numbers_of(density(points), key)
+    given = density.at(points, key) if isinstance(density, SurfaceAttribute | SurfaceImage) else density(points)
+    values = validation.numbers_of(given, key)
     if values.shape != (count,):
         raise ProblemError(f"{key} must return one value per point, shape [{count}]; got shape {list(values.shape)}")
     if not np.isfinite(values).all():

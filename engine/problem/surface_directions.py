@@ -40,9 +40,13 @@ class SurfaceVectors(Settings):
 
     def __call__(self, points: PointsOnSurface) -> np.ndarray:
         """Vectors at points, shape ``[n, 3]``."""
-        values = points.attribute(self.name, "`direction`")
+        return self.at(points, "`direction`")
+
+    def at(self, points: PointsOnSurface, key: str) -> np.ndarray:
+        """Return the same; sentences call the direction ``key``."""
+        values = points.attribute(self.name, key)
         if values.ndim != 2 or values.shape[1] != 3:
-            raise ProblemError(f'`direction` must name an attribute of three numbers; "{self.name}" has another shape')
+            raise ProblemError(f'{key} must name an attribute of three numbers; "{self.name}" has another shape')
         return values
 
 
@@ -129,7 +133,8 @@ def direction_at(direction: SurfaceDirection, points: PointsOnSurface, key: str)
         ProblemError: It returns something else than a finite vector for each.
     """
     count = len(points.triangle)
-    vector = validation.numbers_of(direction(points), key)
+    given = direction.at(points, key) if isinstance(direction, SurfaceVectors) else direction(points)
+    vector = validation.numbers_of(given, key)
     if vector.shape != (count, 3):
         raise ProblemError(f"{key} must return a vector per point, shape [{count}, 3]; got shape {list(vector.shape)}")
     if not np.isfinite(vector).all():

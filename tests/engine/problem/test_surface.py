@@ -142,8 +142,11 @@ def problem_of(density, mesh=None, **settings):
         (lambda points: None, "must return numbers; it returned None"),
         (lambda points: [object()] * len(points.triangle), "must return numbers; it returned"),
         (lambda points: ["a", [1.0]], "must return numbers; it returned"),
-        (SurfaceAttribute("moos"), 'must name an attribute of the surface\'s meshes, which have none; got "moos"'),
-        (SurfaceImage(np.ones((2, 2))), 'needs a UV map, and mesh "mesh" has none'),
+        (
+            SurfaceAttribute("moos"),
+            '`density` of class "moss" must name an attribute of the surface\'s meshes, which have none; got "moos"',
+        ),
+        (SurfaceImage(np.ones((2, 2))), '`density` of class "moss" needs a UV map, and mesh "mesh" has none'),
     ],
 )
 def test_what_is_no_density_on_a_surface_is_refused_in_a_sentence(density, sentence):
