@@ -9,7 +9,7 @@ import argparse
 import signal
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from ..errors import EshError
 from ..version import __version__
@@ -17,8 +17,11 @@ from .batch_command import add_batch, batch
 from .separate_command import add_separate, separate
 from .signals import INTERRUPTED, Ended, answered_here, received
 from .solve_command import add_solve, solve
-from .streams import close_output, complain, open_standard_streams
+from .streams import close_output, complain, open_standard_streams, say
 from .tiles_command import add_tiles, tiles
+
+if TYPE_CHECKING:
+    from _typeshed import SupportsWrite
 
 __all__ = ["main"]
 
@@ -38,6 +41,13 @@ class _Parser(argparse.ArgumentParser):
         """Print the sentence and leave with status 2."""
         self.exit(BAD_INPUT, f"esh-scatter: {message}; see {self.prog} --help\n")
 
+    def _print_message(self, message: str, file: SupportsWrite[str] | None = None) -> None:
+        """Print the help or the version; what cannot be printed would be passed over."""
+        if file is None or file is not sys.stdout:
+            super()._print_message(message, file)
+        else:
+            say(message.removesuffix("\n"), lost="what was asked for could not be printed")
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit status.
@@ -53,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if hasattr(stream, "reconfigure"):
                 stream.reconfigure(errors="replace")
         with answered_here():
-            options = _options(arguments)
+            options = _parser().parse_args(arguments)
             command = options.command
             return COMMANDS[command](options)
     except Ended as ended:
@@ -90,15 +100,6 @@ def _answer_error(error: Exception, command: str) -> int:
     else:
         raise error
     return BAD_INPUT
-
-
-def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    """Read the arguments. Whoever reads the help may have had enough of it."""
-    try:
-        return _parser().parse_args(arguments)
-    except BrokenPipeError:
-        close_output()
-        raise SystemExit(0) from None
 
 
 def _parser() -> argparse.ArgumentParser:

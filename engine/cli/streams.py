@@ -20,8 +20,12 @@ def open_standard_streams() -> None:
             os.open(os.devnull, os.O_RDWR)
 
 
-def say(*parts: object) -> None:
+def say(*parts: object, lost: str = "the files are written, but the report could not be printed") -> None:
     """Print what a run has to say once all is written. A reader who has had enough is no error.
+
+    Args:
+        parts: What is printed, each on a line of its own.
+        lost: What to complain of where that fails.
 
     Raises:
         EshError: It cannot be printed for another reason.
@@ -37,7 +41,7 @@ def say(*parts: object) -> None:
     except (OSError, ValueError) as error:
         close_output()
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        raise EshError(f"the files are written, but the report could not be printed: {reason.lower()}") from None
+        raise EshError(f"{lost}: {reason.lower()}") from None
 
 
 def close_output() -> None:

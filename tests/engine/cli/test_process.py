@@ -358,6 +358,21 @@ def test_a_report_that_cannot_be_printed_is_a_sentence(folder):
     assert np.load("b.npz")["position"].shape == (200, 2)
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("words", [("--help",), ("--version",), ("solve", "--help")])
+def test_help_that_cannot_be_printed_is_a_sentence(words, unbuffered):
+    with open("/dev/full", "w") as full:
+        process = start(*words, stdout=full, env={**os.environ, "PYTHONUNBUFFERED": unbuffered})
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert err == "esh-scatter: what was asked for could not be printed: no space left on device\n"
+    process = start(*words)
+    process.stdout.close()
+    process.stdout = None
+    assert end_of(process)[::2] == (0, "")
+
+
 @pytest.mark.parametrize("closed", [(1,), (2,), (0, 1, 2)])
 def test_closed_streams_harm_nobody(folder, closed):
     process = start(*SOLVE, preexec_fn=lambda: [os.close(number) for number in closed])
