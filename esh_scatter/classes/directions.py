@@ -11,11 +11,12 @@ import bpy
 import numpy as np
 
 from ...engine.errors import ProblemError
-from ...engine.problem.settings import Settings, as_given, described, setting
+from ...engine.problem.settings import Settings, described, setting
 from ...engine.problem.surface_directions import along_segments
+from ...engine.problem.validation import check_name
 from ..densities.density_source import Known, checksum
 from ..densities.scene_densities import Source
-from ..densities.shapes import Shapes, check_shapes, read_shapes, shape_objects
+from ..densities.shapes import Shapes, check_finite, check_shapes, read_shapes, shape_objects
 from ..targets.evaluated_mesh import vertices_in_world
 from ..targets.target import world_matrix
 
@@ -58,7 +59,9 @@ class AttributeDirection(DirectionSource):
     """Vectors that are an attribute of the target's mesh, on points, faces or face corners, in the object's own axes."""
 
     name: str = field(
-        metadata=setting("Name of the attribute", more="It holds vectors, whose length up to 1 weighs", check=as_given)
+        metadata=setting(
+            "Name of the attribute", more="It holds vectors, whose length up to 1 weighs", check=check_name
+        )
     )
 
     def vectors(self, points: SurfacePoints, key: str) -> np.ndarray:
@@ -75,7 +78,7 @@ class AttributeDirection(DirectionSource):
 
     def vector_names(self) -> set[str]:
         """Return its name."""
-        return {str(self.name)}
+        return {self.name}
 
 
 @described
@@ -96,18 +99,17 @@ class CurveDirection(DirectionSource):
         for item in shape_objects(self.source, key):
             if _is_thick(item):
                 pieces.append(_middle_of(item))
+                check_finite(pieces[-1], item, key)
             else:
                 pieces.append(_segments(read_shapes(item, key, known)))
         segment = np.concatenate(pieces)
-        if not np.isfinite(segment).all():
-            raise ProblemError(f"{key} must lie along curves that have finite positions; some are NaN or infinite")
         if not len(segment):
             raise ProblemError(f"{key} must lie along a curve, or along edges that have no faces; there are none")
         return _Pieces(segment)
 
-    def vectors(self, points: SurfacePoints, key: str) -> np.ndarray:
-        """Return where the nearest curve points; on the main thread only."""
-        return self.read(key, {}).vectors(points, key)
+    def vectors(self, _points: SurfacePoints, _key: str) -> np.ndarray:
+        """Cannot be told before it is read."""
+        raise AssertionError("the curve is read first, on the main thread")
 
     def content(self, _points: SurfacePoints) -> Hashable | None:
         """Cannot be told before it is read."""

@@ -16,7 +16,7 @@ from ..targets.evaluated_mesh import evaluated_mesh, vertices_in_world
 from ..targets.target import check_exists, is_result, read_triangles, world_matrix
 from .density_source import Known, checksum
 
-__all__ = ["Shapes", "check_shapes", "read_shapes", "shape_objects"]
+__all__ = ["Shapes", "check_finite", "check_shapes", "read_shapes", "shape_objects"]
 
 # Corners of the outlines of instances, and directions along which their farthest points are looked for.
 CORNERS_OF_INSTANCES, DIRECTIONS = 24, 256
@@ -81,7 +81,7 @@ def shape_objects(source: object, key: str) -> list[bpy.types.Object]:
             found[member.session_uid] = member
     if not found:
         name = getattr(items[0], "name", "")
-        raise ProblemError(f'{key} must be near something; collection "{name}" is empty')
+        raise ProblemError(f'{key} needs an object; collection "{name}" is empty')
     return sorted(found.values(), key=lambda item: item.name_full)
 
 
@@ -99,17 +99,26 @@ def read_shapes(source: object, key: str, known: Known) -> Shapes:
         if number not in known:
             known[number] = list(_shapes_of(item, world_matrix(item, context), context))
         shapes: list[_Shape] = known[number]
+        for shape in shapes:
+            check_finite(shape.solid, item, key)
+            check_finite(shape.triangle, item, key)
         triangles += [shape.triangle for shape in shapes]
         solids += [shape.solid for shape in shapes]
         outlines.append(np.concatenate([shape.outline for shape in shapes]) if shapes else np.empty((0, 2, 2)))
     triangle = np.concatenate(triangles) if triangles else np.empty((0, 3, 2))
     if not len(triangle):
-        raise ProblemError(f"{key} must be near something; what was given is empty")
-    if not np.isfinite(triangle).all():
-        raise ProblemError(f"{key} must be near something that has finite positions; some are NaN or infinite")
+        raise ProblemError(f"{key} needs an object that shows something; what was given is empty")
     items = source if isinstance(source, tuple) else (source,)
     names = tuple(str(getattr(item, "name", item)) for item in items)
     return Shapes(names, triangle, tuple(outlines), np.concatenate(solids))
+
+
+def check_finite(position: np.ndarray, item: bpy.types.Object, key: str) -> None:
+    """Raise ProblemError where positions that were read of an object are not finite."""
+    if not np.isfinite(position).all():
+        raise ProblemError(
+            f'{key} needs objects with finite positions; "{item.name}" has coordinates that are not finite'
+        )
 
 
 def _shapes_of(item: bpy.types.Object, matrix: np.ndarray, context: bpy.types.Context) -> Iterator[_Shape]:

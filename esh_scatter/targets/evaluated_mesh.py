@@ -35,4 +35,6 @@ def vertices_in_world(mesh: bpy.types.Mesh, matrix: np.ndarray) -> np.ndarray:
 
 def in_world(position: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Return positions ``[n, 3]`` as the matrix of an object ``[4, 4]`` puts them into the world, float64, whatever they were."""
-    return position.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    # Those that are not finite stay so, and are told by whoever needs them.
+    with np.errstate(invalid="ignore"):
+        return position.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]

@@ -307,9 +307,11 @@ def _vectors_in_world(
         return np.empty((0, 3), np.float32)
     own = np.empty((len(attribute.data), 3), np.float32)
     attribute.data.foreach_get("vector", own.ravel())
-    turned = own @ np.array(evaluated.matrix_world.to_3x3(), np.float32).T
-    length, now = (np.linalg.norm(values, axis=1, keepdims=True) for values in (own, turned))
-    return turned * (length / np.maximum(now, 1e-30))
+    # Those that are not finite stay so, and are told by whoever needs them.
+    with np.errstate(invalid="ignore", over="ignore"):
+        turned = own @ np.array(evaluated.matrix_world.to_3x3(), np.float32).T
+        length, now = (np.linalg.norm(values, axis=1, keepdims=True) for values in (own, turned))
+        return turned * (length / np.maximum(now, 1e-30))
 
 
 def _kind(attribute: bpy.types.Attribute) -> str:

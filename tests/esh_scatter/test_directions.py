@@ -1,5 +1,7 @@
 """Long objects that lie along curves and along vectors of the target: seen from above, on whole surfaces, and in the sidebar."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -143,12 +145,28 @@ def test_what_cannot_be_lain_along_is_said(ground, log):
     with pytest.raises(esh.EshError, match=r"must point along .* somewhere; it points nowhere"):
         esh.scatter(ground, wood(log, bare), **RUN)
     store(ground, "bad", "POINT", np.full((len(ground.data.vertices), 3), np.nan))
-    with pytest.raises(esh.EshError, match="must be finite everywhere"):
+    with warnings.catch_warnings(), pytest.raises(esh.EshError, match="must be finite everywhere"):
+        warnings.simplefilter("error")
         esh.scatter(ground, wood(log, esh.AttributeDirection("bad")), **RUN)
     with pytest.raises(esh.EshError, match=r"must lie along a curve, or along edges that have no faces"):
         esh.scatter(ground, wood(log, esh.CurveDirection(log)), **RUN)
     with pytest.raises(esh.EshError, match="must be an object, a collection"):
         esh.CurveDirection("path")
+    for none in (3, None, "", " "):
+        with pytest.raises(esh.EshError, match="`name` of an AttributeDirection must be text, and not empty; got"):
+            esh.AttributeDirection(none)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("thick", [False, True])
+def test_a_curve_whose_points_are_not_finite_is_named(ground, log, thick):
+    path = ring(6.0)
+    path.name, path.data.bevel_depth = "Stem", 0.3 if thick else 0.0
+    path.data.splines[0].bezier_points[1].co.y = np.nan
+    with pytest.raises(
+        esh.EshError, match=r'`direction` of class "wood" .*"Stem" has coordinates that are not finite$'
+    ):
+        esh.scatter(ground, wood(log, esh.CurveDirection(path)), **RUN)
 
 
 def test_the_sidebar_offers_both_and_knows_when_they_have_changed(ground, log):
