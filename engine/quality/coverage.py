@@ -85,6 +85,7 @@ class Coverage:
             rows, columns = (good_length(n, power_of_two=self.launcher.device.is_cuda) for n in (rows, columns))
         self.shape = (rows, columns)
         mean = float(charge.mean())
+        self._given = charge
         self._unit = mean / kernels_coverage.CLOUD_SCALE
         in_units = one_by_one(lambda values: (values / mean).astype(np.float32), charge)
         self._charge = self.launcher.alike(in_units, float)
@@ -95,8 +96,28 @@ class Coverage:
 
     def error(self, targets: Sequence[Target], one: int | None = None, k: float = 1.0) -> float:
         """:func:`coverage_error` of class ``one``, or else of all together, beside what the targets add up to."""
+        launcher, cells = self.launcher, self.shape[0] * self.shape[1]
+        difference = self._difference(targets, one, k, self._charge)
+        block = CELLS_ON_GPU if launcher.device.is_cuda else self.shape[1]
+        squares = launcher.empty(-(-cells // block), wp.float64)
+        inputs = [difference, cells, block]
+        launcher.launch(kernels_coverage.sum_squares, len(squares), inputs, [squares], grain=max(1, GRAIN // block))
+        return math.sqrt(float(squares.numpy().sum()) / cells)
+
+    def excess(self, some: np.ndarray, targets: Sequence[Target], one: int) -> float:
+        """Return what is left of the :meth:`error` of a class whatever bodies there are beside ``some``, a truth value for each.
+
+        It is made where these alone are more than the target: others only add to that.
+        """
+        charge = np.where(some, self._given / float(self._given.mean()), 0.0).astype(np.float32)
+        difference = self._difference(targets, one, 1.0, self.launcher.array(charge, float))
+        above = np.maximum(difference.numpy()[: self.shape[0] * self.shape[1]], 0.0)
+        return math.sqrt(float(np.square(above, dtype=np.float64).mean()))
+
+    def _difference(self, targets: Sequence[Target], one: int | None, k: float, charge: wp.array) -> wp.array:
+        """Blurred charges less the blurred target, over the mean of the target, in every cell."""
         launcher, domain = self.launcher, self.domain
-        self._deposit(-1 if one is None else one)
+        self._deposit(-1 if one is None else one, charge)
         chosen = slice(None) if one is None else one
         count, total = int(self._count[chosen].sum()), float(self._total[chosen].sum())
         rows, columns = self.shape
@@ -147,11 +168,7 @@ class Coverage:
                 inputs = [self._share_of(image), -cells * weight / weights]
                 launcher.launch(kernels_coverage.add_shares, cells, inputs, [difference])
         convolution.apply(influence, difference)
-        block = CELLS_ON_GPU if on_gpu else columns
-        squares = launcher.empty(-(-cells // block), wp.float64)
-        inputs = [difference, cells, block]
-        launcher.launch(kernels_coverage.sum_squares, len(squares), inputs, [squares], grain=max(1, GRAIN // block))
-        return math.sqrt(float(squares.numpy().sum()) / cells)
+        return difference
 
     def _share_of(self, image: np.ndarray) -> wp.array:
         """Share of an image's integral in every cell; classes that share an image come one after the other, or all do."""
@@ -159,13 +176,13 @@ class Coverage:
             self._shared = image, integrate_boxes(self.launcher, image, self.shape)
         return self._shared[1]
 
-    def _deposit(self, one: int) -> None:
+    def _deposit(self, one: int, charge: wp.array) -> None:
         self.launcher.launch(
             kernels_coverage.deposit_clouds,
             self._bodies.count,
             [
                 self._bodies.pose,
-                self._charge,
+                charge,
                 self._class,
                 one,
                 *self.shape,

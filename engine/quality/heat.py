@@ -253,6 +253,15 @@ class HeatMesh:
         smooth = self._spread(charges, total, target, 0.5 * (k * spacing) ** 2)
         return math.sqrt(sum_of_squares(self._launcher, smooth) * self._surface.area)
 
+    def excess(self, charges: wp.array, total: float, target: wp.array, count: int) -> float:
+        """Return what is left of the :meth:`error` whatever bodies there are beside those whose ``charges`` are given.
+
+        It is made where these alone are more than the target: others only add to that. ``total`` and ``count`` are of all.
+        """
+        smooth = self._spread(charges, total, target, 0.5 * self._surface.area / count).numpy()
+        above = np.maximum(smooth, 0.0).astype(np.float64)
+        return math.sqrt(float(above @ above) * self._surface.area)
+
     def _spread(self, charges: wp.array, total: float, target: wp.array, time: float) -> wp.array:
         """What charges over their total, less a target, are after a time [m²]: densities times the roots of the masses, float."""
         launch, n = self._launcher.launch, self._count

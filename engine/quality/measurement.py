@@ -30,7 +30,7 @@ from .overlaps import Overlaps, overlaps_of, overlaps_of_fixed, overlaps_of_fixe
 from .spacing import Spacing, measure_spacing
 from .surface_measurement import measure_on_surface
 from .surface_out_of_place import out_of_place_on_surface
-from .unequal_areas import notes_on_areas
+from .unequal_areas import notes_on_errors
 
 __all__ = ["measure"]
 
@@ -73,7 +73,8 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     spacing = measure_spacing(bodies, _number_density(bodies, problem.classes))
     overlaps = _overlaps(placement, launcher, footprints, bodies, spacing)
     notes = [note for c in problem.classes for note in c.notes]
-    notes += notes_on_areas(area, class_index, errors) + _notes_on_overlaps(problem, overlaps, covered)
+    notes += notes_on_errors(placement, area, errors, lambda k: coverage.excess(placement.fixed, [targets[k]], k))
+    notes += _notes_on_overlaps(problem, overlaps, covered)
     notes += _notes_on_places(problem, misplaced := out_of_place(placement, launcher, footprints))
     of_fixed = Overlaps(0)
     if problem.avoid_overlap and np.count_nonzero(placement.fixed) > 1:
@@ -133,7 +134,7 @@ def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:
     surface = placement.problem.domain
     if isinstance(surface, Surface) and surface.looks_inwards:
         notes.append(INWARDS)
-    notes += notes_on_areas(placement.area, placement.class_index, found.errors)
+    notes += notes_on_errors(placement, placement.area, found.errors, found.excess)
     overlaps = found.overlaps
     notes += _notes_on_overlaps(placement.problem, overlaps, found.covered)
     misplaced = out_of_place_on_surface(placement, launcher)

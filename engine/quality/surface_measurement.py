@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -48,6 +49,7 @@ class SurfaceFigures(NamedTuple):
         usual: Median distance to the nearest neighbor [m].
         overlaps: What of the footprints overlaps.
         covered: Sum of the footprints over the area where bodies may be.
+        excess: Returns which part of the coverage error of a class is made where fixed bodies are more than its density asks for.
     """
 
     errors: list[float]
@@ -57,6 +59,7 @@ class SurfaceFigures(NamedTuple):
     usual: float | None
     overlaps: Overlaps
     covered: float
+    excess: Callable[[int], float]
 
 
 def measure_on_surface(placement: Placement, launcher: Launcher) -> SurfaceFigures:
@@ -64,16 +67,18 @@ def measure_on_surface(placement: Placement, launcher: Launcher) -> SurfaceFigur
     problem, surface = placement.problem, placement.problem.domain
     assert isinstance(surface, Surface)
     bodies, area = bodies_on_surface(placement, launcher), placement.area
-    errors, whole = _coverage_errors(placement, bodies, launcher)
+    errors, whole, excess = _coverage_errors(placement, bodies, launcher)
     share, _ = ground_on_surface(problem, surface, 0.0)
     covered = float(area.sum() / (surface.area * max(share, 1e-9)))
     smallest, closest, usual = _spacing(placement, bodies, launcher) or (None, None, None)
     overlaps = find_overlaps_on_surface(placement, bodies, launcher)
-    return SurfaceFigures(errors, whole, smallest, closest, usual, overlaps, covered)
+    return SurfaceFigures(errors, whole, smallest, closest, usual, overlaps, covered, excess)
 
 
-def _coverage_errors(placement: Placement, bodies: BodiesOnSurface, launcher: Launcher) -> tuple[list[float], float]:
-    """Coverage errors of all classes, and of all bodies together."""
+def _coverage_errors(
+    placement: Placement, bodies: BodiesOnSurface, launcher: Launcher
+) -> tuple[list[float], float, Callable[[int], float]]:
+    """Coverage errors of all classes, and of all bodies together; and what tells the ``excess`` of a class."""
     problem, area, class_index = placement.problem, placement.area, placement.class_index
     assert isinstance(problem.domain, Surface)
     n = len(area)
@@ -97,11 +102,19 @@ def _coverage_errors(placement: Placement, bodies: BodiesOnSurface, launcher: La
             charge = coarser.charges(bodies.triangle[own], bodies.barycentric[own], area[own])
             target = coarser.target(density, standing)
         errors.append(coarser.error(charge, totals[k], target, body_class.body_count))
+
+    def excess(k: int) -> float:
+        # On the mesh of all: where a class has another one, its bodies are few and their errors alike on both.
+        own = slice(int(last[k - 1]) if k else 0, int(last[k]))
+        charge = np.where(placement.fixed[own], area[own], 0.0)
+        fixed = mesh.charges(bodies.triangle[own], bodies.barycentric[own], charge)
+        return mesh.excess(fixed, totals[k], targets[k], problem.classes[k].body_count)
+
     if len(errors) == 1:
-        return errors, errors[0]
+        return errors, errors[0], excess
     amount = np.array([sum((s.count or 0) * s.mean_area for s in c.sizes) for c in problem.classes])
     target, charge = mesh.mixed(targets, (amount / amount.sum()).tolist()), mesh.mixed(charges, [1.0] * len(charges))
-    return errors, mesh.error(charge, sum(totals), target, n)
+    return errors, mesh.error(charge, sum(totals), target, n), excess
 
 
 def _count_of_mesh(count: int, most: int) -> int:

@@ -1,17 +1,45 @@
-"""What is to be said where some bodies are very much larger than most, and a coverage error tells mostly of these."""
+"""What is to be said where a coverage error tells mostly of a few: of bodies that are very much larger, or of fixed ones."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from ..problem.note import Note, NoteKind
+from ..problem.placement import Placement
 
-__all__ = ["notes_on_areas"]
+__all__ = ["notes_on_areas", "notes_on_errors"]
 
 # Coverage errors above which somebody asks why; and how many times more bodies there are than equal ones that would be as coarse.
 UNEVEN, MOST_OF_FEW = 0.15, 4.0
+# Share of a coverage error that is made by what is fixed, above which this explains it.
+MOSTLY = 0.5
+
+
+def notes_on_errors(
+    placement: Placement, area: np.ndarray, errors: Sequence[float], excess: Callable[[int], float]
+) -> list[str]:
+    """Say why coverage errors are large, where that is known.
+
+    Args:
+        placement: What was placed.
+        area: Footprints of its bodies [m²], shape ``[n]``.
+        errors: Coverage errors of the classes.
+        excess: Returns which part of that of a class is made where fixed bodies are more than its density asks for.
+    """
+    left, made, classes = list(errors), {}, placement.problem.classes
+    for k in np.unique(placement.class_index[placement.fixed]).tolist():
+        if errors[k] > UNEVEN and (part := excess(k)) > MOSTLY * errors[k]:
+            left[k], made[k] = 0.0, part
+    notes = notes_on_areas(area, placement.class_index, left)
+    if made:
+        most = max(made, key=made.__getitem__)
+        of_class = f' of class "{classes[most].name}"' if len(classes) > 1 else ""
+        said = f"fixed bodies{of_class} are more than the density asks for where they are, which alone makes a coverage error of "
+        notes.append(Note(f"{said}{math.floor(100.0 * made[most]) / 100.0:.2f}", NoteKind.UNEQUAL_AREAS))
+    return notes
 
 
 def notes_on_areas(area: np.ndarray, class_index: np.ndarray, errors: Sequence[float]) -> list[str]:

@@ -4,7 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from esh import BodyClass, Domain, FixedBodies, Footprint, Line, Obstacle, Problem, ProblemError, Size, Solver, solve
+from esh import (
+    BodyClass,
+    Domain,
+    FixedBodies,
+    Footprint,
+    Line,
+    Obstacle,
+    Problem,
+    ProblemError,
+    Size,
+    Solver,
+    Surface,
+    SurfaceMesh,
+    solve,
+)
 
 WIDE = Domain((40.0, 20.0))
 
@@ -243,3 +257,29 @@ def test_classes_whose_images_are_alike_ask_once_how_far_obstacles_are(monkeypat
     assert len(asked) == 1
     away = np.hypot(*(together.position - (20.0, 10.0)).T) - np.sqrt(np.array(areas)[together.class_index] / np.pi)
     assert away.min() >= 4.5
+
+
+@pytest.mark.parametrize("shape", ["rectangle", "ball"])
+def test_that_fixed_bodies_alone_make_a_coverage_error_is_said(shape):
+    """Large ones, or many in one place: a part of the error that stays wherever others are."""
+    domain, at = WIDE, np.array([[10.0, 10.0], [30.0, 5.0]])
+    if shape == "ball":
+        trimesh = pytest.importorskip("trimesh")
+        ball = trimesh.creation.icosphere(3, radius=8.0)
+        domain, at = Surface(SurfaceMesh(ball.vertices, ball.faces)), np.array([[8.0, 0.0, 0.0], [0.0, 0.0, 8.0]])
+    classes = [BodyClass("k", [Size("a", 0.5, 300)]), BodyClass("other", [Size("a", 0.5, 300)])]
+    for area, beside, is_said in ((0.5, 1, False), (12.0, 1, True), (12.0, 2, True)):
+        fixed = FixedBodies(at, "k", area=area)
+        placements = [solved(Problem(domain, classes[:beside], fixed=fixed, seed=seed), 20) for seed in (0, 1)]
+        for placement in placements:
+            told = [note for note in placement.report.notes if "fixed bodies" in note]
+            assert len(told) == is_said
+            if told:
+                of_class = ' of class "k"' if beside > 1 else ""
+                assert told[0].startswith(
+                    f"fixed bodies{of_class} are more than the density asks for where they are, wh"
+                )
+                part, error = float(told[0].split()[-1]), placement.report.classes[0].coverage_error
+                assert 0.5 * error - 0.01 < part <= error
+        notes = {note for placement in placements for note in placement.report.notes}
+        assert len(notes) == is_said, "it does not depend on others"
