@@ -49,8 +49,7 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     Returns:
         The report of a run without steps; whoever ran them adds steps, seconds and whether they converged.
     """
-    problem, domain = placement.problem, placement.problem.domain
-    class_index = placement.class_index
+    problem, domain, class_index = placement.problem, placement.problem.domain, placement.class_index
     if isinstance(domain, Surface):
         return _report_on_surface(placement, launcher)
     area = problem.areas_as_outlined(problem.shared_areas(), placement.variant, placement.scale)
