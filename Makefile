@@ -91,6 +91,7 @@ bench: $(VENV)/.with-blender $(VENV)/.with-test $(VENV)/.with-bench $(VENV)-fmm/
 		$$($(VENV)-fmm/bin/python -c 'import finufft, fmm2dpy; print("--fmm $(VENV)-fmm/bin/python")' 2>/dev/null)
 
 test: $(VENV)/.with-blender $(VENV)/.with-test $(VENV)/.with-ray $(VENV)/.with-geo $(if $(filter 3.11,$(VERSION)),$(VENV_OLDEST)/.with-oldest)
+	@$(RUN) tools/warm_kernels.py
 	$(RUN) -m pytest $(TEST_PROCESSES) $(PYTEST_ARGS)
 ifeq ($(VERSION),3.11)
 	@echo "The part that touches Blender once more, in the oldest that is supported:"
