@@ -209,10 +209,6 @@ class Cascade:
         n = len(charge)
         self._sort = CellSort(launcher, n, self.node_count)
         self._sorted = _room_for_sorted(launcher, n)
-        if softness is not None and softness.following is None:
-            # Steps leave this plane as it is.
-            first = kernels_cascade.OF_VARIANCE * n
-            self._sorted.plane[first : first + n].fill_(0.5 * (softness.blur * length) ** 2)
         self._node_charge = launcher.zeros(self.node_count * self.group_count, float)
         self._offset = launcher.zeros(self.node_count * self.group_count, float)
 
@@ -349,12 +345,16 @@ class Cascade:
     def _set_softness(self, charge: np.ndarray) -> None:
         """Say what the near part between two charges is."""
         near, softness = self._nearby, self._softness
+        cutoff, blur = NEAR_REACH / math.sqrt(2.0), 0.0
         near.blurs, near.core, near.core_end = 0, 0.0, 1.0
         if softness is not None:
-            near.blurs, near.core, near.core_end = 1, softness.core, 0.5 * (softness.reach / softness.blur) ** 2
-            if self._following is not None:
+            near.core = softness.core
+            if self._following is None:
+                blur, near.core_end = softness.blur, (softness.reach / cutoff) ** 2
+            else:
+                near.blurs, near.core_end = 1, 0.5 * (softness.reach / softness.blur) ** 2
                 self._charge_share = self.launcher.array(self._following.shares(charge), float)
-        terms = near_terms(NEAR_REACH / math.sqrt(2.0))
+        terms = near_terms(cutoff, blur)
         near.term = wp.array(terms, dtype=float, device=self.launcher.device)
 
     def _variances(self, points: Points, home: wp.array) -> wp.array:

@@ -93,9 +93,9 @@ class NearTable:
 class NearPart:
     """What is summed over pairs: the runs of homes near each home (``near`` from ``start`` on), the force, and M, flat.
 
-    Distance times force is a polynomial of the square of the distance over that of ``cutoff``, where it ends: by ``term``. Where
-    ``blurs``, that is the one of points, and the blur of every pair, with a core of this strength that ends at this q (see
-    :mod:`esh.engine.field.blur`), adds to it.
+    Distance times force is a polynomial of the square of the distance over that of ``cutoff``, where it ends: by ``term``. A ``core``
+    (see :mod:`esh.engine.field.blur`) adds to it, of which no polynomial knows the end: this square over that of ``cutoff``. Where
+    ``blurs``, the polynomial is the one of points, and the blur of every pair adds to it; the core ends at this q then.
     """
 
     start: wp.array(dtype=wp.int32)
@@ -163,8 +163,8 @@ NODE_PLANES = 6
 # Native code because these loops are most of a step's time. A CPU takes so many neighbors at once, a GPU one: those of a run lie side
 # by side. What lies behind the end of a run is read, too, and does not count.
 LANES = 8
-# Terms of the polynomial in NearPart: it is wrong by .001 with 5, by .0001 with 6.
-NEAR_TERMS = 6
+# Terms of the polynomial in NearPart. What is blurred usually is wrong by .014 with 8, by .002 with 10, by .0001 with 12.
+NEAR_TERMS = 12
 _LANES = f"""
 #if defined(__CUDA_ARCH__)
     typedef float V;
@@ -401,6 +401,11 @@ def gather_at_node(
                 const V q = 0.5f * square / (load(variance + j) + own_variance);
                 const V core_left = most(1.0f - q * per_core_end, (V)0.0f);
                 force += core * core_left * core_left - fading(q);
+            }}
+            else if (core > 0.0f)
+            {{
+                const V core_left = most(1.0f - at * per_core_end, (V)0.0f);
+                force += core * core_left * core_left;
             }}
             // A charge is at no distance from itself, and so its term vanishes.
             V strength = amount * force / (square + 1e-12f);

@@ -81,11 +81,10 @@ def near_force(squared: np.ndarray, width: float = 0.0) -> np.ndarray:
     return force - np.exp(-0.5 * squared / width**2) if width > 0.0 else force
 
 
-@lru_cache(maxsize=4)
-def near_terms(cutoff: float) -> np.ndarray:
-    """Factors of the polynomial of the near part between points (:class:`.NearPart`)."""
+@lru_cache(maxsize=16)
+def near_terms(cutoff: float, blur: float) -> np.ndarray:
+    """Factors of the polynomial of the near part between charges (:class:`.NearPart`), blurred alike, or points: 0."""
     squared = np.linspace(0.0, 1.0, FITTED)
-    fit = np.polynomial.Chebyshev.fit(
-        squared, near_force(cutoff**2 * squared), kernels_cascade.NEAR_TERMS - 1, domain=[0.0, 1.0]
-    )
+    force = near_force(cutoff**2 * squared, blur)
+    fit = np.polynomial.Chebyshev.fit(squared, force, kernels_cascade.NEAR_TERMS - 1, domain=[0.0, 1.0])
     return fit.convert(kind=np.polynomial.Polynomial).coef
