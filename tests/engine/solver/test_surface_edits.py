@@ -79,13 +79,20 @@ def test_no_body_stands_in_a_ball_or_its_margin(avoid_overlap):
 
 
 def test_an_edit_follows_counts_densities_and_obstacles_and_stirs_little():
-    with esh.Solver(problem(400, upward(0.5)), device="cpu") as solver:
+    # Single seeds differ by .02.
+    assert np.mean([_stirred(seed) for seed in range(6)], axis=0).max() < 0.415
+
+
+def _stirred(seed):
+    """Check edits one after the other; return how far bodies that stay move in each, in the median, over their spacing."""
+    stirred = []
+    with esh.Solver(problem(400, upward(0.5), seed=seed), device="cpu") as solver:
         solver.run(40)
         steps = [
-            (problem(460, upward(0.5)), 60, 0),
-            (problem(330, upward(0.5)), 0, 130),
-            (problem(330, upward(-0.5)), None, None),
-            (problem(330, upward(-0.5), obstacles=[esh.Obstacle(ball=(0, 0, -1, 0.5))]), None, None),
+            (problem(460, upward(0.5), seed=seed), 60, 0),
+            (problem(330, upward(0.5), seed=seed), 0, 130),
+            (problem(330, upward(-0.5), seed=seed), None, None),
+            (problem(330, upward(-0.5), obstacles=[esh.Obstacle(ball=(0, 0, -1, 0.5))], seed=seed), None, None),
         ]
         for asked, added, removed in steps:
             before = solver.placement()
@@ -97,11 +104,11 @@ def test_an_edit_follows_counts_densities_and_obstacles_and_stirs_little():
             assert set(after.id) == set(before.id) - set(edit.removed) | set(edit.added)
             _, i, j = np.intersect1d(before.id, after.id, return_indices=True)
             moved = np.linalg.norm(before.position[i] - after.position[j], axis=1) / np.sqrt(4 * np.pi / 400)
-            # Of eight seeds .37 to .42 where a quarter of all leave.
-            assert np.median(moved) < 0.43
+            stirred.append(np.median(moved))
             report = measure(after, solver.launcher)
             assert report.coverage_error < 0.03 and report.smallest_spacing > 0.55
         assert np.linalg.norm(after.position - (0, 0, -1), axis=1).min() >= 0.5 - 1e-5
+    return stirred
 
 
 @pytest.mark.parametrize("extents", [(5.0, 0.05, 3.0), (5.0, 3.0, 1.0)])
