@@ -15,8 +15,8 @@ class NoteKind(StrEnum):
     OVERLAPS = "overlaps"
     # What footprints cover, and that they cannot fit: known before the run, too.
     COVER = "cover"
-    # Coverage errors are large because of how large some bodies are, or because of where fixed ones are.
-    UNEQUAL_AREAS = "unequal areas"
+    # Coverage errors are large because of how large some bodies are, or because of where fixed ones are; saved reports call both so.
+    ERROR_OF_FEW = "unequal areas"
 
 
 class Note(str):

@@ -24,13 +24,13 @@ from ..space.asked_counts import share_in_use
 from ..space.support import images_for_kernels
 from . import kernels_spacing
 from .coverage import Coverage
+from .errors_of_few import notes_on_errors
 from .measured_bodies import MeasuredBodies, measured_bodies
 from .out_of_place import OutOfPlace, out_of_place
 from .overlaps import Overlaps, overlaps_of, overlaps_of_fixed, overlaps_of_fixed_on_surface
 from .spacing import Spacing, measure_spacing
 from .surface_measurement import measure_on_surface
 from .surface_out_of_place import out_of_place_on_surface
-from .unequal_areas import notes_on_errors
 
 __all__ = ["measure"]
 

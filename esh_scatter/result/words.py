@@ -73,7 +73,7 @@ def evenness(report: dict[str, Any]) -> str:
     """
     if placed(report) < FEWEST:
         return ""
-    meant = report.get(CLUMPED, False) or NoteKind.UNEQUAL_AREAS in _kinds(report)
+    meant = report.get(CLUMPED, False) or NoteKind.ERROR_OF_FEW in _kinds(report)
     word = evenness_word(unevenness(report))
     if word == "uneven" and meant:
         return ""
@@ -120,7 +120,7 @@ def notes(report: dict[str, Any], *, foreseen: bool = False) -> list[str]:
     Where it is ``foreseen`` how much ground footprints take, and said below the button, that is not said again.
     """
     # How many overlap, and how deep, has a line of its own; and no coverage errors are shown that would have to be explained.
-    elsewhere = {NoteKind.OVERLAPS, NoteKind.UNEQUAL_AREAS, *([NoteKind.COVER] if foreseen else [])}
+    elsewhere = {NoteKind.OVERLAPS, NoteKind.ERROR_OF_FEW, *([NoteKind.COVER] if foreseen else [])}
     told = zip(report["notes"], _kinds(report), strict=True)
     found = [_in_blender(note) for note, kind in told if kind not in elsewhere]
     # Where many overlap there is no room to be even in.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from esh.engine.problem.cover import Cover
 from esh.engine.problem.note import Note, NoteKind
-from esh.engine.quality.unequal_areas import notes_on_areas
+from esh.engine.quality.errors_of_few import notes_on_areas
 from esh.esh_scatter.result import words
 
 
@@ -125,7 +125,7 @@ def test_a_report_that_is_kept_says_what_its_notes_are_about():
     assert words.notes(report(notes=["12 pairs still overlap"])) == ["12 pairs still overlap"], (
         "no words are looked for"
     )
-    uneven = words.kept(report(error=0.3, alone=0.3, notes=[Note("large ones", NoteKind.UNEQUAL_AREAS)]))
+    uneven = words.kept(report(error=0.3, alone=0.3, notes=[Note("large ones", NoteKind.ERROR_OF_FEW)]))
     assert words.evenness(json.loads(json.dumps(uneven))) == ""
 
 

@@ -348,23 +348,29 @@ def test_a_full_disk_is_a_sentence_whatever_the_format(folder, ending):
     assert files_of(folder) == before
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_report_that_cannot_be_printed_is_a_sentence(folder):
-    with open("/dev/full", "w") as full:
-        process = start(*SOLVE, stdout=full)
-        _, err = process.communicate(timeout=60)
+@pytest.fixture
+def full_device():
+    """What nothing can be written to, where the system has one."""
+    path = Path("/dev/full")
+    if not path.exists():
+        pytest.skip("needs /dev/full")
+    with path.open("w") as full:
+        yield full
+
+
+def test_a_report_that_cannot_be_printed_is_a_sentence(folder, full_device):
+    process = start(*SOLVE, stdout=full_device)
+    _, err = process.communicate(timeout=60)
     assert process.returncode == 2
     assert err == ("esh-scatter: the files are written, but the report could not be printed: no space left on device\n")
     assert np.load("b.npz")["position"].shape == (200, 2)
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("words", [("--help",), ("--version",), ("solve", "--help")])
-def test_help_that_cannot_be_printed_is_a_sentence(words, unbuffered):
-    with open("/dev/full", "w") as full:
-        process = start(*words, stdout=full, env={**os.environ, "PYTHONUNBUFFERED": unbuffered})
-        _, err = process.communicate(timeout=60)
+def test_help_that_cannot_be_printed_is_a_sentence(words, unbuffered, full_device):
+    process = start(*words, stdout=full_device, env={**os.environ, "PYTHONUNBUFFERED": unbuffered})
+    _, err = process.communicate(timeout=60)
     assert process.returncode == 2
     assert err == "esh-scatter: what was asked for could not be printed: no space left on device\n"
     process = start(*words)

@@ -38,7 +38,7 @@ def notes_on_errors(
         most = max(made, key=made.__getitem__)
         of_class = f' of class "{classes[most].name}"' if len(classes) > 1 else ""
         said = f"fixed bodies{of_class} are more than the density asks for where they are, which alone makes a coverage error of "
-        notes.append(Note(f"{said}{math.floor(100.0 * made[most]) / 100.0:.2f}", NoteKind.UNEQUAL_AREAS))
+        notes.append(Note(f"{said}{math.floor(100.0 * made[most]) / 100.0:.2f}", NoteKind.ERROR_OF_FEW))
     return notes
 
 
@@ -59,7 +59,7 @@ def notes_on_areas(area: np.ndarray, class_index: np.ndarray, errors: Sequence[f
             Note(
                 "some bodies are so much larger than most that the space around them counts as uneven: coverage errors look no "
                 "farther than the usual spacing",
-                NoteKind.UNEQUAL_AREAS,
+                NoteKind.ERROR_OF_FEW,
             )
         ]
     return []
