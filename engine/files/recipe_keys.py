@@ -126,7 +126,7 @@ def plain_value(value: Any) -> Any:
 def _read_density(table: RecipeTable) -> np.ndarray | float | SurfaceDensity:
     if isinstance(table.entries.get("density"), dict):
         if "invert" in table.entries:
-            raise table.error("invert", "belongs into the table of the `density`")
+            raise table.error("invert", "belongs into the table of a `density` that is an `image`")
         return read_surface_density(table.table("density"))
     density = table.take("density", _check_density)
     invert = table.take("invert", validation.check_switch, False)

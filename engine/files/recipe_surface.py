@@ -24,6 +24,8 @@ from .recipe_table import RecipeTable
 __all__ = ["read_surface", "read_surface_density", "read_surface_direction", "surface_files"]
 
 MAPPINGS = ("uv", "triplanar")
+# Keys of a density that is an image.
+OF_IMAGES = ("image", "mapping", "size", "invert")
 
 
 def read_surface(table: RecipeTable) -> Surface:
@@ -41,9 +43,12 @@ def read_surface(table: RecipeTable) -> Surface:
 def read_surface_density(table: RecipeTable) -> SurfaceDensity:
     """Return the density on a surface that a table ``density = { ... }`` describes."""
     if "attribute" in table.entries:
-        table.check_keys("attribute")
+        table.check_keys("attribute", *OF_IMAGES)
+        for key in OF_IMAGES:
+            if key in table.entries:
+                raise table.error(key, "cannot be combined with `attribute`: it is about an image")
         return SurfaceAttribute(table.take("attribute", validation.check_name))
-    table.check_keys("image", "mapping", "size", "invert")
+    table.check_keys(*OF_IMAGES)
     invert = table.take("invert", validation.check_switch, False)
     image = table.read("image", lambda path: read_density(path, invert))
     mapping = table.take("mapping", _check_mapping, "uv")

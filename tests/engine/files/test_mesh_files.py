@@ -193,6 +193,11 @@ def test_a_recipe_lays_an_image_along_the_axes(folder):
             '`class.1..density.mapping` .* must be "uv" or "triplanar"',
         ),
         ('"ball.ply"', '{ image = "ramp.png", size = 2.0 }', 'is only for a `mapping` of "triplanar"'),
+        (
+            '"ball.ply"',
+            '{ attribute = "moss", invert = true }',
+            "`class.1..density.invert` .* cannot be combined with `attribute`: it is about an image",
+        ),
         ('"ball.ply"', '{ attribute = "mos" }', 'which have .*"moss".*; got "mos"'),
         ('"ball.ply"', "{ atribute = 3 }", "did you mean `attribute`|is not a known key"),
     ],
