@@ -24,8 +24,6 @@ from .recipe_table import RecipeTable
 __all__ = ["read_surface", "read_surface_density", "read_surface_direction", "surface_files"]
 
 MAPPINGS = ("uv", "triplanar")
-# Keys of a density that is an image.
-OF_IMAGES = ("image", "mapping", "size", "invert")
 
 
 def read_surface(table: RecipeTable) -> Surface:
@@ -42,13 +40,12 @@ def read_surface(table: RecipeTable) -> Surface:
 
 def read_surface_density(table: RecipeTable) -> SurfaceDensity:
     """Return the density on a surface that a table ``density = { ... }`` describes."""
+    table.check_keys("attribute", "image", "mapping", "size", "invert")
     if "attribute" in table.entries:
-        table.check_keys("attribute", *OF_IMAGES)
-        for key in OF_IMAGES:
-            if key in table.entries:
+        for key in table.entries:
+            if key != "attribute":
                 raise table.error(key, "cannot be combined with `attribute`: it is about an image")
         return SurfaceAttribute(table.take("attribute", validation.check_name))
-    table.check_keys(*OF_IMAGES)
     invert = table.take("invert", validation.check_switch, False)
     image = table.read("image", lambda path: read_density(path, invert))
     mapping = table.take("mapping", _check_mapping, "uv")
