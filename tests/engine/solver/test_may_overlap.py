@@ -105,7 +105,9 @@ def test_classes_may_overlap_on_a_surface_too(kind):
     x, y = (np.array(values) for values in ([0.0, 10.0, 10.0, 0.0], [0.0, 0.0, 8.0, 8.0]))
     square = Surface(SurfaceMesh(np.stack([x, y, 0.0 * x], axis=1), [[0, 1, 2], [0, 2, 3]]))
     given = problem_of(kind, "open")
-    placement = solve(Problem(square, given.classes, given.balance, avoid_overlap=True, seed=2), device="cpu")
+    problem = Problem(square, given.classes, given.balance, avoid_overlap=True, seed=2)
+    # Of twelve seeds one needs more than the 100 steps that are usual to come to rest.
+    placement = solve(problem, device="cpu", max_steps=200)
     flat = laid_flat(placement)
     count = overlapping(flat, kind)
     assert count[0, 1] > 5 and count[0, 2] > 5
