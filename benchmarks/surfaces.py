@@ -60,7 +60,9 @@ def row(name: str, measured: list[Measured]) -> None:
     print(f"| {name} | {shown} | {apart} | {max(report.steps for report in reports)} | {seconds:.1f} |", flush=True)
 
 
-def one_class(name: str, parts: list, whole: tuple, density: Density, device: str, seeds: int) -> None:
+def one_class(
+    name: str, parts: list, whole: tuple, density: Density, device: str, seeds: int, **settings: object
+) -> None:
     """A class of one size, on a mesh or on several that are measured as one."""
     varied = 1.0 if density is uniform else lambda points: density(points.position)
     metric = SurfaceMetric(*whole, COUNT)
@@ -68,7 +70,7 @@ def one_class(name: str, parts: list, whole: tuple, density: Density, device: st
     measured: list[Measured] = []
     for seed in range(seeds):
         classes = [esh.BodyClass("a", [esh.Size("s", 1e-6, COUNT)], varied)]
-        placement = placed(parts, classes, device, seed=seed)
+        placement = placed(parts, classes, device, seed=seed, **settings)
         number = COUNT / metric.area * density(placement.position) / mean
         part = parts_of(parts[0][1])[placement.triangle] if len(parts) == 1 else None
         apart = None
@@ -91,19 +93,26 @@ def on_the_plane(device: str, seeds: int) -> None:
     row("square, uniform: by the plane's solver", measured)
 
 
-def two_classes(device: str, seeds: int) -> None:
+def two_classes(device: str, seeds: int, name: str = "torus, two classes", **settings: object) -> None:
     metric = SurfaceMetric(*meshes.torus(), COUNT)
     together: list[Measured] = []
     alone: list[Measured] = []
     for seed in range(seeds):
-        classes = [esh.BodyClass(name, [esh.Size("s", 1e-6, COUNT // 2)]) for name in "ab"]
-        placement = placed([meshes.torus()], classes, device, balance=esh.Balance(0.5), seed=seed)
+        classes = [esh.BodyClass(letter, [esh.Size("s", 1e-6, COUNT // 2)]) for letter in "ab"]
+        placement = placed([meshes.torus()], classes, device, balance=esh.Balance(0.5), seed=seed, **settings)
         apart = spacing(placement.position, placement.normal, COUNT / metric.area)
         together.append((metric.coverage(placement.position, uniform, KS), apart, placement))
         own = placement.position[placement.class_index == 0]
         alone.append((metric.coverage(own, uniform, KS), None, placement))
-    row("torus, two classes: union", together)
-    row("torus, two classes: class", alone)
+    row(f"{name}: union", together)
+    row(f"{name}: class", alone)
+
+
+def regularities(device: str, seeds: int) -> None:
+    for value in (1.0, 0.6, 0.3, 0.0):
+        mesh, of = meshes.sphere(), f"at regularity {value:g}"
+        one_class(f"sphere {of}", [mesh], mesh, uniform, device, seeds, regularity=value)
+        two_classes(device, seeds, f"torus, two classes {of}", regularity=value)
 
 
 def rare_classes(device: str, seeds: int) -> None:
@@ -196,7 +205,8 @@ def main() -> None:
     if chosen("two meshes"):
         parts = [meshes.square(64, (0.0, 0.5)), meshes.square(37, (0.5, 1.0))]
         one_class("two meshes, other triangles", parts, meshes.square(), uniform, options.device, options.seeds)
-    for name, run in (("two classes", two_classes), ("rare classes", rare_classes), ("discs", discs)):
+    others = {"two classes": two_classes, "regularity": regularities, "rare classes": rare_classes, "discs": discs}
+    for name, run in others.items():
         if chosen(name):
             run(options.device, options.seeds)
 

@@ -470,7 +470,7 @@ def nearest_name(name: str, known: Iterable[str]) -> str:
 
     known = tuple(known)
     nearest = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.6)
-    return f"did you mean `{nearest[0]}`" if nearest else f"known are {', '.join(known)}"
+    return f"did you mean `{nearest[0]}`?" if nearest else f"known are {', '.join(known)}"
 
 
 def show(value: object) -> str:

@@ -172,7 +172,7 @@ def test_a_problem_is_told_its_settings_by_name_and_keeps_them():
     problem = Problem(Domain((9.0, 9.0)), classes, **given)
     assert values_of(problem, ProblemSettings) == given
     assert values_of(dataclasses.replace(problem, seed=6), ProblemSettings) == given | {"seed": 6}
-    with pytest.raises(ProblemError, match="`sead` is not a known setting; did you mean `seed`"):
+    with pytest.raises(ProblemError, match=r"`sead` is not a known setting; did you mean `seed`\?$"):
         Problem(Domain((9.0, 9.0)), classes, sead=3)
     with pytest.raises(ProblemError, match="`regularity` must be a number between 0 and 1; got 2"):
         Problem(Domain((9.0, 9.0)), classes, regularity=2)
