@@ -1,4 +1,9 @@
-"""Triangles that are cut in two across their longest side, again and again, until none is long: on a device, all at once."""
+"""Triangles that are cut until none is long: on a device, all at once.
+
+They are cut in two across their longest side, again and again. Needles, of which one side is far shorter than the others, would become
+three needles half as long each time, and so ever more beside each other: they are cut into strips all along at once. What is slender
+but no needle, as its shortest side leads along it, is cut at its height first.
+"""
 
 from __future__ import annotations
 
@@ -50,16 +55,17 @@ def small_pieces(
     done: list[kernels_cut.Pieces] = []
     while True:
         count = len(pieces.triangle)
-        is_long = launcher.empty(count, wp.int32)
-        launcher.launch(kernels_cut.find_long, count, [pieces, facet, tile, slender], [is_long])
-        start, long_count = running_sum(launcher, is_long)
-        if not long_count:
+        is_cut, parts = launcher.empty(count, wp.int32), launcher.empty(count, wp.int32)
+        launcher.launch(kernels_cut.count_cuts, count, [pieces, facet, tile, slender], [is_cut, parts])
+        cuts_before, cut_count = running_sum(launcher, is_cut)
+        if not cut_count:
             return _joined(launcher, [*done, pieces])
-        halves, short = empty_pieces(launcher, 2 * long_count), empty_pieces(launcher, count - long_count)
-        launcher.launch(kernels_cut.cut_in_two, count, [pieces, is_long, start, long_count], [halves, short])
-        if count > long_count:
-            done.append(short)
-        pieces = halves
+        start, part_count = running_sum(launcher, parts)
+        smaller, kept = empty_pieces(launcher, part_count), empty_pieces(launcher, count - cut_count)
+        launcher.launch(kernels_cut.cut, count, [pieces, is_cut, cuts_before, parts, start, tile], [smaller, kept])
+        if count > cut_count:
+            done.append(kept)
+        pieces = smaller
 
 
 def places_of(launcher: Launcher, pieces: kernels_cut.Pieces, triangles: kernels_cut.Triangles) -> np.ndarray:

@@ -10,6 +10,12 @@ ZERO = wp.constant(wp.float64(0.0))
 HALF = wp.constant(wp.float64(0.5))
 # No side counts as shorter.
 TINY = wp.constant(wp.float64(1.0e-30))
+# Strips of a needle are so many times as long as its shortest side, if they may be; and there are so many at once at most.
+STRIP = wp.constant(wp.float64(2.0))
+MOST_STRIPS = wp.constant(1 << 20)
+# What is slender, so many times as long as it may be, and of which the shortest side is so many times its height is cut at its height.
+LEAN = wp.constant(wp.float64(2.0))
+LONG = wp.constant(wp.float64(8.0))
 # Bits of the Hilbert curve along which facets are in order, per axis; the highest of them, and the cells that they number.
 CURVE_BITS = wp.constant(16)
 HIGHEST_BIT = wp.constant(1 << 15)
@@ -73,6 +79,12 @@ def middle_of(i: int, pieces: Pieces):
     return (pieces.corner[3 * i] + pieces.corner[3 * i + 1] + pieces.corner[3 * i + 2]) / wp.float64(3.0)
 
 
+@wp.func
+def between(rows: wp.mat33d, k: int, share: wp.float64):
+    """What lies so far on the way from the first row to another; the ends are exact."""
+    return (wp.float64(1.0) - share) * rows[0] + share * rows[k]
+
+
 @wp.kernel
 def take_triangles(
     first: int,
@@ -93,22 +105,57 @@ def take_triangles(
     pieces.triangle[i] = i
 
 
+@wp.func
+def leans(longest: wp.float64, shortest: wp.float64, height: wp.float64, longest_slender: wp.float64):
+    """Whether strips along a long, slender triangle would be needles themselves: its shortest side leads along it."""
+    return shortest > LEAN * height and longest > LONG * longest_slender
+
+
+@wp.func
+def strips_of(
+    length: wp.vec3d,
+    height: wp.float64,
+    longest_facet: wp.float64,
+    longest_slender: wp.float64,
+    most_slender: wp.float64,
+):
+    """Strips that a needle is cut into, along its two long sides: a power of two, so that those of neighbors end alike."""
+    shortest = wp.min(length)
+    longest = wp.max(length)
+    if longest <= most_slender * shortest or shortest > LEAN * height or shortest > HALF * longest_facet:
+        return 1
+    # So that what comes out need not be cut once more: the diagonal of a strip is longer than the strip.
+    aim = wp.max(longest_slender - shortest, wp.min(STRIP * shortest, HALF * longest_facet))
+    strips = int(1)
+    while strips < MOST_STRIPS and longest > aim * wp.float64(strips):
+        strips = 2 * strips
+    return strips
+
+
 @wp.kernel
-def find_long(
+def count_cuts(
     first: int,
     pieces: Pieces,
     longest_facet: wp.float64,
     longest_slender: wp.float64,
     most_slender: wp.float64,
     # outputs
-    is_long: wp.array(dtype=wp.int32),
+    is_cut: wp.array(dtype=wp.int32),
+    parts: wp.array(dtype=wp.int32),
 ):
-    """Tell which are longer than a facet may be, or slender, by the side over the height, and longer than that may be."""
+    """Tell which are longer than a facet may be, or slender, by the side over the height, and longer than that may be.
+
+    These are cut into so many parts: needles into strips of two triangles each, but for the one at the tip; others in two.
+    """
     i = first + wp.tid()
-    longest = wp.max(side_lengths(i, pieces))
+    length = side_lengths(i, pieces)
+    longest = wp.max(length)
     height = wp.float64(2.0) * area_of(i, pieces) / wp.max(longest, TINY)
-    long = longest > longest_facet or (longest > longest_slender and longest > most_slender * height)
-    is_long[i] = int(long)
+    is_cut[i] = int(longest > longest_facet or (longest > longest_slender and longest > most_slender * height))
+    parts[i] = 0
+    if is_cut[i] != 0:
+        strips = strips_of(length, height, longest_facet, longest_slender, most_slender)
+        parts[i] = wp.max(2 * strips - 1, 2)
 
 
 @wp.func
@@ -120,43 +167,76 @@ def put_piece(to: int, triangle: int, corner: wp.mat33d, weight: wp.mat33d, piec
     pieces.triangle[to] = triangle
 
 
+@wp.func
+def put_strips(to: int, strips: int, triangle: int, corner: wp.mat33d, weight: wp.mat33d, pieces: Pieces):
+    """Write the triangles of so many strips of a triangle, beginning at its first corner."""
+    for j in range(strips):
+        near = wp.float64(j) / wp.float64(strips)
+        far = wp.float64(j + 1) / wp.float64(strips)
+        # Where both sides are cut, from the first corner on.
+        one = between(corner, 1, near)
+        other = between(corner, 2, near)
+        next_one = between(corner, 1, far)
+        next_other = between(corner, 2, far)
+        of_one = between(weight, 1, near)
+        of_other = between(weight, 2, near)
+        of_next_one = between(weight, 1, far)
+        of_next_other = between(weight, 2, far)
+        own = wp.matrix_from_rows(one, next_one, next_other)
+        put_piece(to + 2 * j, triangle, own, wp.matrix_from_rows(of_one, of_next_one, of_next_other), pieces)
+        if j > 0:
+            own = wp.matrix_from_rows(one, next_other, other)
+            put_piece(to + 2 * j - 1, triangle, own, wp.matrix_from_rows(of_one, of_next_other, of_other), pieces)
+
+
 @wp.kernel
-def cut_in_two(
+def cut(
     first: int,
     pieces: Pieces,
-    is_long: wp.array(dtype=wp.int32),
+    is_cut: wp.array(dtype=wp.int32),
+    cuts_before: wp.array(dtype=wp.int32),
+    parts: wp.array(dtype=wp.int32),
     start: wp.array(dtype=wp.int32),
-    long_count: int,
+    longest_slender: wp.float64,
     # outputs
-    halves: Pieces,
+    smaller: Pieces,
     done: Pieces,
 ):
-    """Cut what is long across its longest side: first halves come before second ones. The others are done."""
+    """Cut what is to be cut: in two across its longest side, or, of more parts, into strips along its two longest. Others are done.
+
+    Of what leans both parts are at a right angle to the longest side, and so no longer do.
+    """
     i = first + wp.tid()
     length = side_lengths(i, pieces)
-    # The corner that the longest side lies opposite of comes first.
+    # The corner that the longest side lies opposite of comes first; of a needle the one of the shortest.
     k = int(0)
-    if is_long[i] != 0:
-        if length[1] > length[k]:
-            k = 1
-        if length[2] > length[k]:
-            k = 2
-    a = pieces.corner[3 * i + k]
-    b = pieces.corner[3 * i + (k + 1) % 3]
-    c = pieces.corner[3 * i + (k + 2) % 3]
-    u = pieces.weight[3 * i + k]
-    v = pieces.weight[3 * i + (k + 1) % 3]
-    w = pieces.weight[3 * i + (k + 2) % 3]
+    for side in range(3):
+        if parts[i] == 2 and length[side] > length[k]:
+            k = side
+        if parts[i] > 2 and length[side] < length[k]:
+            k = side
     triangle = pieces.triangle[i]
-    if is_long[i] == 0:
-        put_piece(i - start[i], triangle, wp.matrix_from_rows(a, b, c), wp.matrix_from_rows(u, v, w), done)
+    corner = wp.matrix_from_rows(
+        pieces.corner[3 * i + k], pieces.corner[3 * i + (k + 1) % 3], pieces.corner[3 * i + (k + 2) % 3]
+    )
+    weight = wp.matrix_from_rows(
+        pieces.weight[3 * i + k], pieces.weight[3 * i + (k + 1) % 3], pieces.weight[3 * i + (k + 2) % 3]
+    )
+    if is_cut[i] == 0:
+        put_piece(i - cuts_before[i], triangle, corner, weight, done)
+    elif parts[i] == 2:
+        share = HALF
+        longest = wp.max(length)
+        if leans(longest, wp.min(length), wp.float64(2.0) * area_of(i, pieces) / longest, longest_slender):
+            share = wp.dot(corner[0] - corner[1], corner[2] - corner[1]) / (longest * longest)
+        middle = (wp.float64(1.0) - share) * corner[1] + share * corner[2]
+        there = (wp.float64(1.0) - share) * weight[1] + share * weight[2]
+        one = wp.matrix_from_rows(corner[0], corner[1], middle)
+        other = wp.matrix_from_rows(corner[0], middle, corner[2])
+        put_piece(start[i], triangle, one, wp.matrix_from_rows(weight[0], weight[1], there), smaller)
+        put_piece(start[i] + 1, triangle, other, wp.matrix_from_rows(weight[0], there, weight[2]), smaller)
     else:
-        between = HALF * (b + c)
-        there = HALF * (v + w)
-        one = wp.matrix_from_rows(a, b, between)
-        other = wp.matrix_from_rows(a, between, c)
-        put_piece(start[i], triangle, one, wp.matrix_from_rows(u, v, there), halves)
-        put_piece(long_count + start[i], triangle, other, wp.matrix_from_rows(u, there, w), halves)
+        put_strips(start[i], (parts[i] + 1) / 2, triangle, corner, weight, smaller)
 
 
 @wp.kernel

@@ -51,6 +51,33 @@ def test_facets_cover_the_surface_and_none_is_long_or_slender(launcher):
     np.testing.assert_allclose(np.einsum("fck,fkd->fcd", facets.weight, place), facets.corner, atol=1e-9)
 
 
+@pytest.mark.parametrize("tip", [(4000.0, 0.05), (2000.0, 0.05), (-30.0, 0.4)], ids=["needle", "flat", "leaning"])
+def test_needles_have_as_many_facets_as_they_are_long(launcher, tip):
+    """Cut in halves again and again, the needle had 177,147."""
+    vertices = np.array([[0.0, 0, 0], [4000, 0, 0], [*tip, 0]])
+    facets = cut(launcher, vertices, np.array([[0, 1, 2]]))
+    assert 4000.0 / TILE < facets.count < 8.0 * 4000.0 / TILE
+    assert facets.area.sum() == pytest.approx(facets.surface.area, rel=1e-9)
+    side = np.linalg.norm(facets.corner - np.roll(facets.corner, 1, axis=1), axis=2).max(axis=1)
+    assert side.max() <= TILE * (1 + 1e-9)
+    # None lies on another, or is turned over.
+    first, second = facets.corner[:, 1] - facets.corner[:, 0], facets.corner[:, 2] - facets.corner[:, 0]
+    assert (np.cross(first, second)[:, 2] > 0.0).all()
+    place = facets.surface.position[facets.surface.triangle[facets.triangle]] - facets.middle
+    np.testing.assert_allclose(np.einsum("fck,fkd->fcd", facets.weight, place), facets.corner, atol=1e-9)
+
+
+def test_needles_that_share_a_long_side_are_cut_alike_along_it(launcher):
+    vertices = np.array([[0.0, 0, 0], [100, 0, 0], [100, 0.3, 0], [100, -0.4, 0]])
+    facets = cut(launcher, vertices, np.array([[0, 1, 2], [0, 3, 1]]))
+    corner = facets.corner + facets.middle
+    ends = [
+        np.unique(corner[facets.triangle == k][np.abs(corner[facets.triangle == k][..., 1]) < 1e-9, 0]) for k in (0, 1)
+    ]
+    np.testing.assert_allclose(*ends, atol=1e-9)
+    assert len(ends[0]) > 70
+
+
 def test_tiles_are_finer_where_the_surface_ends(launcher):
     # Cells of 1.2 units: their sides and diagonals are those of tiles elsewhere.
     vertices, triangles = plate((0.0, 9.6), (0.0, 9.6), cells=8)
