@@ -311,9 +311,11 @@ def test_the_report_counts_what_lies_in_those_of_another_scatter():
     inside = sum(
         any(a.buffer(-2e-4).intersects(b.buffer(-2e-4)) for b in there[side]) for side in (-1, 1) for a in here[side]
     )
-    # Some stand on the narrow sides.
     assert inside > 5
-    assert inside - 2 <= full.report.in_obstacles <= inside + 10
+    # The others stand on the narrow sides, beside outlines or in them.
+    on_narrow = 200 - sum(map(len, here.values()))
+    assert inside <= full.report.in_obstacles <= inside + on_narrow
+    assert on_narrow < 20
     assert any("in obstacles" in note for note in full.report.notes)
 
 
