@@ -75,6 +75,12 @@ def area_of(i: int, pieces: Pieces):
 
 
 @wp.func
+def height_of(i: int, longest: wp.float64, pieces: Pieces):
+    """Height above the longest side."""
+    return wp.float64(2.0) * area_of(i, pieces) / wp.max(longest, TINY)
+
+
+@wp.func
 def middle_of(i: int, pieces: Pieces):
     return (pieces.corner[3 * i] + pieces.corner[3 * i + 1] + pieces.corner[3 * i + 2]) / wp.float64(3.0)
 
@@ -150,7 +156,7 @@ def count_cuts(
     i = first + wp.tid()
     length = side_lengths(i, pieces)
     longest = wp.max(length)
-    height = wp.float64(2.0) * area_of(i, pieces) / wp.max(longest, TINY)
+    height = height_of(i, longest, pieces)
     is_cut[i] = int(longest > longest_facet or (longest > longest_slender and longest > most_slender * height))
     parts[i] = 0
     if is_cut[i] != 0:
@@ -227,7 +233,7 @@ def cut(
     elif parts[i] == 2:
         share = HALF
         longest = wp.max(length)
-        if leans(longest, wp.min(length), wp.float64(2.0) * area_of(i, pieces) / longest, longest_slender):
+        if leans(longest, wp.min(length), height_of(i, longest, pieces), longest_slender):
             share = wp.dot(corner[0] - corner[1], corner[2] - corner[1]) / (longest * longest)
         middle = (wp.float64(1.0) - share) * corner[1] + share * corner[2]
         there = (wp.float64(1.0) - share) * weight[1] + share * weight[2]
