@@ -48,6 +48,7 @@ from .state import State
 from .state_arrays import StateArrays
 from .surface_descent import SurfaceDescent
 from .surface_edit import carry_over_on_surface
+from .surface_least_spacing import keep_least_spacing
 from .surface_placement import points_of
 from .surface_places import PlacesOnSurface, spots_of_places
 from .surface_rare_start import rare_start_on_surface
@@ -346,7 +347,8 @@ class Solver:
         if steps:
             take_steps(steps)
             self._stepped(steps)
-        self.separate(again=True)
+        if steps or problem.avoid_overlap:
+            self.separate(again=True)
         return Edit(np.sort(added), np.sort(removed), steps)
 
     def _edit_on_surface(
@@ -680,12 +682,16 @@ class Solver:
     def separate(self, go_on: Callable[[], bool] | None = None, *, again: bool = False) -> bool:
         """Part outlines that still overlap, where they are to keep apart at all; returns whether none do any more.
 
+        On a surface points of one class are parted that are closer than any should be.
+
         Args:
             go_on: Called now and then; returning False ends it.
             again: Whether they were parted before, and what has changed since is to stir as few of them as it can.
         """
         self._cut()
         self._face(0.0)
+        if isinstance(self.descent, SurfaceDescent):
+            keep_least_spacing(self.descent)
         if self.descent.contact is None or not self.model.problem.avoid_overlap:
             return True
         with self.launcher.phase("contact"):

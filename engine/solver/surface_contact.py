@@ -7,6 +7,7 @@ import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..space.cell_sort import CellSort
+from ..space.kernels_meeting import Meeting
 from . import kernels_descent, kernels_on_surface, kernels_surface_contact
 from .body_flags import BodyFlags
 from .contact import DAMPING, ROUNDS_PER_STEP, SLACK, contact_radii
@@ -22,7 +23,7 @@ SLOTS_PER_BODY = 2
 
 
 class SurfaceContact:
-    """Pushes bodies on a surface apart whose footprints overlap, while the relaxation runs.
+    """Pushes bodies on a surface apart whose footprints overlap, while the relaxation runs; or that are nearer than some distance.
 
     Args:
         model: What is to be placed.
@@ -31,6 +32,8 @@ class SurfaceContact:
         ground: The surface, as the descent's kernels take it.
         poses: Where the bodies are, as the descent's kernels take it.
         motion: What is remembered of their way there, as the descent's kernels take it.
+        radius: Half the distance that bodies are to keep from others of their radius, in units, shape ``[body_count]``; None to keep
+            their footprints apart.
     """
 
     def __init__(
@@ -41,13 +44,16 @@ class SurfaceContact:
         ground: kernels_on_surface.Ground,
         poses: kernels_on_surface.Poses,
         motion: kernels_on_surface.Motion,
+        radius: np.ndarray | None = None,
     ) -> None:
         self._model, self._launcher, self._bodies, self._ground = model, launcher, bodies, ground
         self._poses, self._motion = poses, motion
         device, n = launcher.device, model.body_count
         longest = model.body.longest
         half = 0.5 * kernels_descent.LONGEST_LINE * longest / model.unit
-        radius = contact_radii(model, longest) / model.unit
+        meeting = model.meeting(launcher) if radius is None else Meeting()
+        if radius is None:
+            radius = contact_radii(model, longest) / model.unit
         reach = radius + half
         level, level_reach = levels_of(reach)
         mass = np.where(model.body.flags & BodyFlags.PINNED, np.inf, model.body.area)
@@ -59,7 +65,7 @@ class SurfaceContact:
         footprints.mass = wp.array(mass / mass[np.isfinite(mass)].mean(), dtype=float, device=device)
         footprints.level_reach = wp.array(level_reach, dtype=float, device=device)
         footprints.inverse_cell = wp.array(0.5 / level_reach, dtype=float, device=device)
-        footprints.meeting = model.meeting(launcher)
+        footprints.meeting = meeting
         self._footprints = footprints
         slots = 1 << max(4, (SLOTS_PER_BODY * n - 1).bit_length())
         self._sort = CellSort(launcher, n, slots)
@@ -76,6 +82,10 @@ class SurfaceContact:
         self._find()
         for _ in range(ROUNDS_PER_STEP):
             self._round()
+
+    def overlap_count(self) -> int:
+        """How many overlaps every body had in the last round, all together."""
+        return int(self._pushes.overlaps.numpy().sum())
 
     def _find(self) -> None:
         """Sort bodies into cells where they are now."""

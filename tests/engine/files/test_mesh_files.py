@@ -179,6 +179,45 @@ def test_a_recipe_lays_an_image_along_the_axes(folder):
     assert named == {"ball.obj", "ball.stl", "ramp.png"}
 
 
+def half_white(folder):
+    """An image that is white where the first coordinate is above one half."""
+    Image.fromarray(np.tile(np.repeat(np.uint8([0, 255]), 128), (8, 1))).save(folder / "half.png")
+
+
+@pytest.mark.parametrize("axes", [(0, 1), (1, 0)], ids=["along x", "along y"])
+def test_bodies_of_a_recipe_stand_where_the_image_lies_by_the_uv_map(folder, axes):
+    half_white(folder)
+    x, y = np.meshgrid(np.linspace(0.0, 3.0, 7), np.linspace(0.0, 3.0, 7))
+    vertices = np.stack([x.ravel(), y.ravel(), 0.1 * x.ravel() ** 2], axis=1)
+    corner = (np.arange(6)[:, None] * 7 + np.arange(6)).reshape(-1, 1)
+    faces = np.concatenate([corner + [0, 1, 8], corner + [0, 8, 7]])
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    mesh.visual = trimesh.visual.TextureVisuals(uv=vertices[:, list(axes)] / 3.0, image=Image.new("RGB", (4, 4)))
+    mesh.export(folder / "sheet.glb")
+    recipe(folder, '"sheet.glb"', '{ image = "half.png" }')
+    placement = solve(read_recipe(folder / "moss.toml"), device="cpu", max_steps=20)
+    assert len(placement.position) == 60
+    surface = placement.problem.domain
+    # As trimesh reads the file, whichever way up it takes it to be.
+    along = (surface.meshes[0].uv[surface.triangle[placement.triangle], 0] * placement.barycentric).sum(axis=1)
+    assert along.min() > 0.495
+    assert np.ptp(placement.position[:, axes[0]]) > 1.2
+
+
+def test_bodies_of_a_recipe_stand_where_the_image_lies_along_the_axes(folder):
+    half_white(folder)
+    trimesh.creation.box((2.0, 2.0, 2.0)).export(folder / "box.ply")
+    recipe(folder, '"box.ply"', '{ image = "half.png", mapping = "triplanar", size = 1.0 }')
+    placement = solve(read_recipe(folder / "moss.toml"), device="cpu", max_steps=20)
+    assert len(placement.position) == 60
+    for axis in range(3):
+        of_face = np.abs(placement.normal[:, axis]) > 0.99
+        assert of_face.sum() >= 15
+        # The image lies along the first of the other two axes, a meter wide: its right half is white.
+        across = placement.position[of_face, 1 if axis == 0 else 0]
+        assert np.abs((across - 0.25) % 1.0 - 0.5).max() < 0.28
+
+
 @pytest.mark.parametrize(
     ("mesh", "density", "sentence"),
     [
