@@ -6,6 +6,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter import operators  # noqa: E402
+from esh.esh_scatter.editing import assets, preset_library  # noqa: E402
 from esh.esh_scatter.editing.preset_files import built_in_presets  # noqa: E402
 from esh.esh_scatter.result import kept_ground  # noqa: E402
 
@@ -54,13 +55,17 @@ BUTTONS = {
     "instances_refill": {},
     "instances_make_real": {},
     "instances_from_real": {},
+    # Which assets: those of a file, see `asked_of_assets`.
+    "scatter_assets": {"most": 20},
+    "classes_from_assets": {"count": 7},
+    "source_from_asset": {},
+    "source_from_shelf": {"asset_library_type": "LOCAL", "relative_asset_identifier": "Object/Stone"},
+    "preset_from_asset": {},
 }
-# What needs a window, an asset browser or a file, and what changes nothing of the file.
+# What needs a window or a file, and what changes nothing of the file.
 ELSEWHERE = {
     *("instances_edit", "instances_select_pinned", "frame_overlap"),
-    *("scatter_assets", "classes_from_assets", "source_from_asset", "source_from_shelf"),
-    *("preset_from_asset", "presets_as_assets"),
-    "preset_export",
+    *("preset_export", "presets_as_assets"),
     *("stop", "keep"),
 }
 
@@ -157,6 +162,31 @@ def make_scene():
     bpy.context.view_layer.objects.active = bpy.data.objects["Ground"]
 
 
+def make_library(path):
+    """A file with an object and a collection that are assets; nothing of them stays here."""
+    fir, hut = new_object("Fir", 0.5), bpy.data.collections.new("Hut")
+    bpy.context.scene.collection.objects.unlink(fir)
+    wall = new_object("Wall", 0.5)
+    bpy.context.scene.collection.objects.unlink(wall)
+    hut.objects.link(wall)
+    for one in (fir, hut):
+        one.asset_mark()
+    bpy.data.libraries.write(str(path), {fir, hut}, fake_user=True)
+    bpy.data.batch_remove([fir, wall, hut, fir.data, wall.data])
+
+
+def asked_of_assets(name, folder):
+    """The assets that a button takes, as it is told of them."""
+    if name == "preset_from_asset":
+        return assets.text_of_assets([assets.Asset("NODETREE", "Pebbles", str(preset_library.write_library(folder)))])
+    path = folder / "assets.blend"
+    make_library(path)
+    hut = assets.Asset("COLLECTION", "Hut", str(path))
+    return assets.text_of_assets(
+        [hut] if name == "source_from_asset" else [assets.Asset("OBJECT", "Fir", str(path)), hut]
+    )
+
+
 def make_ready(name):
     """What an artist would have done before the button is pressed."""
     scatter = active()
@@ -191,14 +221,18 @@ def make_ready(name):
         bpy.ops.object.select_all(action="DESELECT")
     elif name == "variants_list":
         scatter.classes[0].sizes[1].variants.clear()
+    elif name == "source_from_shelf":
+        bpy.data.objects["Stone"].asset_mark()
 
 
 @pytest.mark.parametrize("name", BUTTONS)
-def test_a_button_is_undone_and_redone(scene, name):
+def test_a_button_is_undone_and_redone(scene, name, tmp_path):
     make_ready(name)
+    asked = BUTTONS[name]
+    if name.endswith(("_assets", "_asset")):
+        asked = {**asked, "assets": asked_of_assets(name, tmp_path)}
     bpy.ops.ed.undo_push(message="ready")
     before = state()
-    asked = BUTTONS[name]
     if name in ("preset_apply", "preset_import"):
         asked = {"filepath": next(iter(built_in_presets()))}
     elif name == "class_copy":

@@ -215,7 +215,7 @@ def test_bodies_of_a_recipe_stand_where_the_image_lies_along_the_axes(folder):
         assert of_face.sum() >= 15
         # The image lies along the first of the other two axes, a meter wide: its right half is white.
         across = placement.position[of_face, 1 if axis == 0 else 0]
-        assert np.abs((across - 0.25) % 1.0 - 0.5).max() < 0.28
+        assert np.abs((across - 0.25) % 1.0 - 0.5).max() < 0.33
 
 
 @pytest.mark.parametrize(

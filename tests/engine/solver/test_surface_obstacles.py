@@ -61,6 +61,12 @@ def solved(problem):
     return esh.solve(problem, device="cpu")
 
 
+def cross(a, b):
+    """The product of two vectors; NumPy's takes ten times as long for a single one, and tens of thousands are made here."""
+    (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
+    return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
+
+
 def polygons(placement, i, other, j):
     """The outlines of a body of one placement and of one of another, in the plane between the two; None where they do not meet."""
     normals = [np.asarray(a.normal[k]) for a, k in ((placement, i), (other, j))]
@@ -74,10 +80,11 @@ def polygons(placement, i, other, j):
     for a, k, normal in ((placement, i, normals[0]), (other, j, normals[1])):
         axis = np.asarray(a.tangent[k])
         for old, new in ((a.normal[k], normal), (normal, between)):
-            cross = np.cross(old, new)
-            axis = axis + np.cross(cross, axis) + np.cross(cross, np.cross(cross, axis)) / (1.0 + old @ new)
+            around = cross(old, new)
+            sideways = cross(around, axis)
+            axis = axis + sideways + cross(around, sideways) / (1.0 + old @ new)
         axes.append(axis)
-    x, y = axes[0], np.cross(between, axes[0])
+    x, y = axes[0], cross(between, axes[0])
     way = other.position[j] - placement.position[i]
     at = np.array([way @ x, way @ y])
     at *= np.linalg.norm(way) / max(np.linalg.norm(at), 1e-300)

@@ -47,49 +47,48 @@ def outline_of(placement, i):
 
 
 def turned(vector, normal, other):
-    """A vector, turned as its normal must be turned the shortest way to become another one."""
+    """Vectors, turned as their normals must be turned the shortest way to become other ones, all of shape ``[n, 3]``."""
     axis = np.cross(normal, other)
-    size = np.linalg.norm(axis)
-    turn = Rotation.from_rotvec(axis / max(size, 1e-300) * np.arctan2(size, normal @ other))
-    return turn.apply(vector)
+    size = np.linalg.norm(axis, axis=1, keepdims=True)
+    cosine = (normal * other).sum(axis=1, keepdims=True)
+    return Rotation.from_rotvec(axis / np.maximum(size, 1e-300) * np.arctan2(size, cosine)).apply(vector)
 
 
 def overlapping(placement, tolerance=1e-3, flat_faces=False):
     """Pairs that lie deeper in each other than a share of the smaller width, in the plane between those that touch at the two."""
     outlines = [outline_of(placement, i) for i in range(len(placement.position))]
+    corners, width = [outline.outline() for outline in outlines], [outline.width for outline in outlines]
     reach = max(outline.circumradius for outline in outlines)
-    pairs = cKDTree(placement.position).query_pairs(2.0 * reach)
+    pairs = np.array(sorted(cKDTree(placement.position).query_pairs(2.0 * reach))).reshape(-1, 2)
     # The surface that the triangles of a ball stand for.
     round_ = np.ptp(placement.position[:, 2]) > 0.5 and not flat_faces
     out = placement.position / np.linalg.norm(placement.position, axis=1, keepdims=True) if round_ else placement.normal
+    cosine = (out[pairs[:, 0]] * out[pairs[:, 1]]).sum(axis=1)
+    pairs = pairs[cosine >= (-0.1 if flat_faces else 1e-12)]
+    n, m = out[pairs[:, 0]], out[pairs[:, 1]]
+    between = (n + m) / np.linalg.norm(n + m, axis=1, keepdims=True)
+    upright = turned(placement.tangent, placement.normal, out)
+    x, axis = (turned(upright[pairs[:, k]], out[pairs[:, k]], between) for k in (0, 1))
+    y = np.cross(between, x)
+    line, sine = np.cross(n, m), np.linalg.norm(np.cross(n, m), axis=1)
+    way = placement.position[pairs[:, 1]] - placement.position[pairs[:, 0]]
+    flat = np.stack([(way * x).sum(axis=1), (way * y).sum(axis=1)], axis=1)
+    flat *= (np.linalg.norm(way, axis=1) / np.linalg.norm(flat, axis=1))[:, None]
+    for p in np.flatnonzero(sine > 0.3) if flat_faces else ():
+        # Over the edge, which both are before: as far as the way rises out of the other face, over the sine of their angle.
+        before, behind = way[p] @ m[p] / sine[p], -way[p] @ n[p] / sine[p]
+        if before * behind > 0.0:
+            edge = line[p] / sine[p]
+            across = np.cross(edge, between[p])
+            flat[p] = [(before + behind) * across @ k + way[p] @ edge * (edge @ k) for k in (x[p], y[p])]
+    angle = np.arctan2((axis * y).sum(axis=1), (axis * x).sum(axis=1))
     found = []
-    for i, j in sorted(pairs):
-        n, m = out[i], out[j]
-        if n @ m < (-0.1 if flat_faces else 1e-12):
-            continue
-        between = (n + m) / np.linalg.norm(n + m)
-        shrink = -0.5 * tolerance * min(outlines[i].width, outlines[j].width)
-        way = placement.position[j] - placement.position[i]
-        polygons = []
-        axes = [turned(turned(placement.tangent[k], placement.normal[k], out[k]), out[k], between) for k in (i, j)]
-        x, y = axes[0], np.cross(between, axes[0])
-        flat = np.array([way @ x, way @ y])
-        flat *= np.linalg.norm(way) / np.linalg.norm(flat)
-        line = np.cross(n, m)
-        if flat_faces and np.linalg.norm(line) > 0.3:
-            # Over the edge, which both are before: as far as the way rises out of the other face, over the sine of their angle.
-            sine = np.linalg.norm(line)
-            before, behind = way @ m / sine, -way @ n / sine
-            if before * behind > 0.0:
-                line /= sine
-                across = np.cross(line, between)
-                flat = np.array([(before + behind) * across @ k + way @ line * (line @ k) for k in (x, y)])
-        angle = np.arctan2(axes[1] @ y, axes[1] @ x)
-        for k, (turn, offset) in enumerate([(0.0, np.zeros(2)), (angle, flat)]):
-            c, s = np.cos(turn), np.sin(turn)
-            corners = outlines[(i, j)[k]].outline() @ np.array([[c, s], [-s, c]]) + offset
-            polygons.append(shapely.Polygon(corners).buffer(shrink, join_style="mitre"))
-        if polygons[0].intersects(polygons[1]):
+    for p, (i, j) in enumerate(pairs.tolist()):
+        shrink = -0.5 * tolerance * min(width[i], width[j])
+        c, s = np.cos(angle[p]), np.sin(angle[p])
+        polygons = [corners[i], corners[j] @ np.array([[c, s], [-s, c]]) + flat[p]]
+        one, other = (shapely.Polygon(each).buffer(shrink, join_style="mitre") for each in polygons)
+        if one.intersects(other):
             found.append((i, j))
     return found
 
