@@ -189,20 +189,47 @@ def lattice_point(first: wp.int64, cuts: int, column: int, row: int):
     return first + wp.int64(row * (cuts + 1) - row * (row - 1) / 2 + column)
 
 
+@wp.func
+def between_rows(
+    values: wp.array(dtype=float), start: wp.int64, steps: int, across: int, corner: int, barycentric: wp.vec3d
+):
+    """What is between values in rows of a triangle, ``across`` steps each, the first of which is a corner."""
+    one, zero = wp.float64(1.0), wp.float64(0.0)
+    near, far = barycentric[(corner + 1) % 3], barycentric[(corner + 2) % 3]
+    share = zero
+    if near + far > zero:
+        share = wp.clamp(far / (near + far), zero, one)
+    up, along = (near + far) * wp.float64(steps), share * wp.float64(across)
+    row = wp.clamp(int(wp.floor(up)), 0, steps - 1)
+    column = wp.clamp(int(wp.floor(along)), 0, across - 1)
+    u, v = along - wp.float64(column), wp.clamp(up - wp.float64(row), zero, one)
+    here = start + wp.int64(row * (across + 1) + column)
+    above = here + wp.int64(across + 1)
+    low = (one - u) * wp.float64(values[here]) + u * wp.float64(values[here + wp.int64(1)])
+    high = (one - u) * wp.float64(values[above]) + u * wp.float64(values[above + wp.int64(1)])
+    return (one - v) * low + v * high
+
+
 @wp.kernel(enable_backward=False)
 def interpolate_lattice(
     first: int,
     values: wp.array(dtype=float),
     cuts: wp.array(dtype=wp.int64),
+    across: wp.array(dtype=wp.int64),
+    apex: wp.array(dtype=wp.int64),
     first_point: wp.array(dtype=wp.int64),
     triangle: wp.array(dtype=wp.int64),
     barycentric: wp.array(dtype=wp.vec3d),
     # outputs
     value: wp.array(dtype=wp.float64),
 ):
-    """Interpolate values that are known at evenly spaced points of every triangle, ``cuts`` steps along each side."""
+    """Interpolate values that are known at evenly spaced points of every triangle, see :mod:`.lattices`."""
     i = first + wp.tid()
     start, steps = first_point[triangle[i]], int(cuts[triangle[i]])
+    if across[triangle[i]] > wp.int64(0):
+        corner = int(apex[triangle[i]])
+        value[i] = between_rows(values, start, steps, int(across[triangle[i]]), corner, barycentric[i])
+        return
     one, zero = wp.float64(1.0), wp.float64(0.0)
     along, up = barycentric[i][1] * wp.float64(steps), barycentric[i][2] * wp.float64(steps)
     row = wp.clamp(int(wp.floor(up)), 0, steps - 1)

@@ -17,17 +17,15 @@ from ..problem.nearest_on_triangles import nearest_on_triangles
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface, SurfaceMesh
 from ..problem.unit_vectors import unit_vectors
-from . import kernels_chart
-from .launching import launch_on_cpu
+from .lattices import Lattices
 from .near_surface import NearSurface
 from .surface_points import SurfacePoints
 from .triangle_mesh import TriangleMesh
 
 __all__ = ["WholeSurface"]
 
-# Points that a density is read at, about: more where triangles are many, and no more along a side than the second number.
+# Points that a density is read at, about: more where triangles are many.
 READ_AT = 400_000
-MOST_CUTS = 1024
 # Points that were put somewhere are still there within this share of the extent, which rounding may take.
 AS_THERE = 1e-5
 
@@ -57,27 +55,13 @@ class WholeSurface:
         # Vertices that no triangle has, such as those of faces that are left out, would count for nothing.
         used, index = np.unique(mesh.triangle, return_inverse=True)
         self.surface = Surface(SurfaceMesh(mesh.position[used], index.reshape(-1, 3), "target"))
-        corner = mesh.position[mesh.triangle]
-        longest = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
-        step = np.sqrt(2.0 * self.surface.area / READ_AT)
-        self._cuts = np.clip(np.ceil(longest / step), 1, MOST_CUTS).astype(np.int64)
-        count = (self._cuts + 1) * (self._cuts + 2) // 2
-        self._first = np.concatenate([[0], np.cumsum(count)])
-        triangle = np.repeat(np.arange(len(count)), count)
-        weight = np.empty((len(triangle), 3), np.float32)
-        for cuts in np.unique(self._cuts).tolist():
-            own = np.flatnonzero(self._cuts == cuts)
-            weight[(self._first[own][:, None] + np.arange((cuts + 1) * (cuts + 2) // 2)).ravel()] = np.tile(
-                _lattice(cuts), (len(own), 1)
-            )
-        self.points = self._points(triangle, weight)
+        self._lattices = Lattices(mesh.position[mesh.triangle], np.sqrt(2.0 * self.surface.area / READ_AT))
+        self.points = self._points(*self._lattices.points())
 
-    @cached_property
+    @property
     def step(self) -> float:
         """How far apart neighbors of :attr:`points` are at most [m]."""
-        corner = self.mesh.position[self.mesh.triangle].astype(np.float64)
-        longest = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
-        return float((longest / self._cuts).max())
+        return self._lattices.step
 
     @cached_property
     def near(self) -> NearSurface:
@@ -107,24 +91,20 @@ class WholeSurface:
 
     def density(self, values: np.ndarray) -> SampledDensity:
         """Return values of :attr:`points` as a function of points on :attr:`surface`."""
-        return SampledDensity(np.asarray(values, np.float32), self._cuts, self._first)
+        return SampledDensity(np.asarray(values, np.float32), self._lattices)
 
     def vectors(self, values: np.ndarray) -> Callable[[PointsOnSurface], np.ndarray]:
         """Return vectors at :attr:`points`, shape ``[n, 3]``, as a function of points on :attr:`surface`."""
         parts = [np.ascontiguousarray(values[:, k], np.float32) for k in range(3)]
 
         def between(points: PointsOnSurface) -> np.ndarray:
-            return np.stack([_interpolated(part, self._cuts, self._first, points) for part in parts], axis=1)
+            return np.stack([self._lattices.between(part, points) for part in parts], axis=1)
 
         return between
 
     def pieces(self) -> np.ndarray:
         """Return the small triangles between neighbors of :attr:`points`, shape ``[k, 3]``: they cover the surface."""
-        found = []
-        for cuts in np.unique(self._cuts).tolist():
-            own = np.flatnonzero(self._cuts == cuts)
-            found.append((self._first[own][:, None, None] + _pieces(cuts)).reshape(-1, 3))
-        return np.concatenate(found)
+        return self._lattices.pieces()
 
     def surface_points(self, placement: Placement) -> SurfacePoints:
         """Return the points of the target that bodies were placed on."""
@@ -187,43 +167,12 @@ class SampledDensity:
 
     Args:
         values: Of all points, triangle after triangle, float32.
-        cuts: Steps between points along every side of a triangle, shape ``[t]``.
-        first: Its first point, shape ``[t]`` or more.
+        lattices: Where these points are.
     """
 
-    def __init__(self, values: np.ndarray, cuts: np.ndarray, first: np.ndarray) -> None:
-        self.values, self._cuts, self._first = values, cuts, first
+    def __init__(self, values: np.ndarray, lattices: Lattices) -> None:
+        self.values, self._lattices = values, lattices
 
     def __call__(self, points: PointsOnSurface) -> np.ndarray:
         """Return the values at points, 0 or more, shape ``[n]``, float64."""
-        return np.maximum(_interpolated(self.values, self._cuts, self._first, points), 0.0)
-
-
-def _interpolated(values: np.ndarray, cuts: np.ndarray, first: np.ndarray, points: PointsOnSurface) -> np.ndarray:
-    """Return values that are known as :class:`SampledDensity` says at points, shape ``[n]``, float64."""
-    _, triangle, barycentric = points.source()
-    value = np.empty(len(triangle))
-    index = (np.ascontiguousarray(numbers, np.int64) for numbers in (cuts, first, triangle))
-    inputs = [values, *index, np.ascontiguousarray(barycentric, np.float64)]
-    launch_on_cpu(kernels_chart.interpolate_lattice, len(value), inputs, [value])
-    return value
-
-
-def _pieces(cuts: int) -> np.ndarray:
-    """Return the small triangles between the points of :func:`_lattice`, shape ``[cuts², 3]``."""
-    start = np.concatenate([[0], np.cumsum(np.arange(cuts + 1, 0, -1))])
-    row = np.repeat(np.arange(cuts), np.arange(cuts, 0, -1))
-    column = np.arange(len(row)) - np.concatenate([[0], np.cumsum(np.arange(cuts, 0, -1))])[row]
-    here, above = start[row] + column, start[row + 1] + column
-    pointing_up = np.stack([here, here + 1, above], axis=1)
-    inner = column < cuts - 1 - row
-    return np.concatenate([pointing_up, np.stack([here + 1, above + 1, above], axis=1)[inner]])
-
-
-def _lattice(cuts: int) -> np.ndarray:
-    """Return the weights of a triangle's corners at its points, row after row towards the third, shape ``[n, 3]``, float32."""
-    row = np.repeat(np.arange(cuts + 1), np.arange(cuts + 1, 0, -1))
-    start = np.concatenate([[0], np.cumsum(np.arange(cuts + 1, 0, -1))[:-1]])
-    column = np.arange(len(row)) - start[row]
-    place = np.stack([column, row], axis=1) / cuts
-    return np.column_stack([1.0 - place.sum(axis=1), place]).astype(np.float32)
+        return np.maximum(self._lattices.between(self.values, points), 0.0)
