@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from ..problem.fixed_bodies import FixedBodies, FixedTable
+from ..problem.fixed_bodies import FixedBodies, FixedTable, Origin
 from ..problem.obstacles import Obstacle
 from ..problem.problem import Problem
-from ..problem.settings import settings_of
+from ..problem.settings import settings_of, settle
 from .fixed_files import read_fixed_bodies
 from .recipe_keys import NameArray, keys_of, read_group, read_settings, written_settings
 from .recipe_table import RecipeTable
@@ -80,7 +80,10 @@ def _read_fixed(table: RecipeTable) -> FixedBodies:
         )
     if given == ["position"]:
         values = read_settings(table, FixedBodies)
-        return table.build(lambda: FixedBodies(**values))
+        bodies = table.build(lambda: FixedBodies(**values))
+        # There may be several such tables, and each lists many bodies.
+        settle(bodies, origin=Origin(f"`{table.place.removesuffix('.')}`"))
+        return bodies
     labels = read_settings(table, FixedBodies, leave=tuple(settings_of(FixedBodies).keys() - {"body_class", "size"}))
     for name in keys:
         if name in table.entries and name not in ("class", "size"):

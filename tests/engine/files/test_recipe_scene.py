@@ -236,7 +236,14 @@ def test_every_value_of_fixed_bodies_is_written_and_read_back(tmp_path, name):
             "[[fixed]]\nposition = [[1, 2]]\nbarycentric = [[1, 0, 0], [0, 1, 0]]\n",
             r"r\.toml: `fixed\[2\]\.barycentric` must have shape \[1, 3\]; got shape \[2, 3\]$",
         ),
-        ('[[fixed]]\nposition = [[1, 2]]\nclass = "oak"\n', '`fixed.body_class` must be one of "pine", "rock"'),
+        (
+            '[[fixed]]\nposition = [[1, 2]]\nclass = "oak"\n',
+            '`fixed.2.`, body 1: `fixed.body_class` must be one of "pine", "rock"',
+        ),
+        (
+            "[[fixed]]\nposition = [[1, 2], [30, 1]]\n",
+            r"r\.toml: `fixed\[2\]`, body 2: `fixed\.position` must lie inside the domain, .*; got \[30\.0, 1\.0\]",
+        ),
         ("[[fixed]]\nposition = [[1, 2]]\nid = [0.5]\n", "`fixed.2..id` must be whole numbers of 0 or more"),
         (
             "[[fixed]]\nposition = [[1, 2]]\npositon = 1\n",
