@@ -152,8 +152,8 @@ class Line(Settings):
         """
         if self.width is not None:
             return np.full(len(area), self.width)
-        # length * width + pi width² / 4 = area
-        return 2.0 / math.pi * (np.sqrt(mean_length**2 + math.pi * area) - mean_length)
+        # length * width + pi width² / 4 = area; as a quotient, since the difference is 0 for lines that are far longer than wide.
+        return 2.0 * area / (np.sqrt(mean_length**2 + math.pi * area) + mean_length)
 
     def reach_across(self, area: np.ndarray) -> np.ndarray:
         """Half the thickness of capsules whose axes are as long as is asked in the mean [m], shape ``[n]``."""

@@ -168,6 +168,13 @@ def test_lines_beside_strong_edges_are_no_halos():
     assert abs(off[0]) < 0.02 < 0.04 < -off[1]
 
 
+@pytest.mark.parametrize("area", [1e-18, 1e-6, 0.5, 40.0])
+def test_capsules_of_the_mean_length_have_the_area_that_is_asked_for(area):
+    """However thin they are: a difference of nearly equal numbers was 0."""
+    (width,) = Line(450.0).thickness(np.array([area]), 450.0)
+    assert 450.0 * width + 0.25 * np.pi * width**2 == pytest.approx(area, rel=1e-12)
+
+
 @pytest.mark.parametrize("thickness", [None, 0.2])
 def test_widths_stay_where_lines_do_not_overlap_and_where_they_are_given(thickness):
     sparse = lines(Line(1.5, direction=0.4, width=thickness), count=300)
