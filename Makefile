@@ -18,6 +18,8 @@ PLATFORM ?=
 unexport PYTHONDONTWRITEBYTECODE
 # Generations of GPUs to compile kernels for: all, unless it is set (GPUS="75 80 90"), to nothing for none.
 GPUS_OPTION := $(if $(filter undefined,$(origin GPUS)),,--gpus $(GPUS))
+# Kinds of processors to compile the extension's kernels for: all, unless it is set (TIERS=native for this machine's).
+TIERS_OPTION := $(if $(TIERS),--tiers $(TIERS))
 SCENES ?= 10
 TREES ?= 10000000
 PLANET_ARGS ?=
@@ -102,7 +104,7 @@ fuzz: $(VENV)/.with-test
 	$(RUN) tools/fuzz.py --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED)
 
 extension: $(VENV)/.with-blender
-	@$(RUN) tools/build_extension.py $(if $(PLATFORM),--platform $(PLATFORM)) $(GPUS_OPTION)
+	@$(RUN) tools/build_extension.py $(if $(PLATFORM),--platform $(PLATFORM)) $(GPUS_OPTION) $(TIERS_OPTION)
 
 # A folder that any web server can host: Blender installs and updates from it.
 repository: $(VENV)/.with-blender

@@ -130,13 +130,14 @@ def staged_manifest(text: str, target: str, wheels: list[str]) -> str:
     return text
 
 
-def compile_kernels(folder: Path, target: str, gpus: Sequence[int] | None) -> None:
+def compile_kernels(folder: Path, target: str, gpus: Sequence[int] | None, tiers: Sequence[str] | None = None) -> None:
     """Put the kernels into the package, compiled.
 
     Args:
         folder: Where to put them.
         target: The platform; objects for its processors can be made only there, and elsewhere the first run compiles them.
         gpus: Generations of GPUs; None for all.
+        tiers: Kinds of processors, see ``build_kernels.py``; None for all.
 
     Raises:
         BuildError: They do not compile.
@@ -148,12 +149,20 @@ def compile_kernels(folder: Path, target: str, gpus: Sequence[int] | None) -> No
         gpus = ()
     if gpus is not None:
         command += ["--gpus", *map(str, gpus)]
+    if tiers is not None:
+        command += ["--tiers", *tiers]
     outcome = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     if outcome.returncode:
         raise BuildError(f"the kernels could not be compiled:\n{outcome.stdout.strip()}")
 
 
-def build(target: str, output_folder: Path, wheel_folder: Path, gpus: Sequence[int] | None = None) -> Path:
+def build(
+    target: str,
+    output_folder: Path,
+    wheel_folder: Path,
+    gpus: Sequence[int] | None = None,
+    tiers: Sequence[str] | None = None,
+) -> Path:
     """Build the zip of one platform and return its path.
 
     Args:
@@ -161,6 +170,7 @@ def build(target: str, output_folder: Path, wheel_folder: Path, gpus: Sequence[i
         output_folder: Where to put it.
         wheel_folder: Where downloaded wheels are kept.
         gpus: Generations of GPUs to compile kernels for; None for all.
+        tiers: Kinds of processors to compile kernels for, see ``build_kernels.py``; None for all.
 
     Raises:
         BuildError: A wheel is not to be had, or Blender's builder refused the package.
@@ -182,7 +192,7 @@ def build(target: str, output_folder: Path, wheel_folder: Path, gpus: Sequence[i
                 shutil.copytree(source, stage / name, ignore=shutil.ignore_patterns("__pycache__"))
             else:
                 shutil.copy2(source, stage / name)
-        compile_kernels(stage / "engine" / "device" / "prebuilt", target, gpus)
+        compile_kernels(stage / "engine" / "device" / "prebuilt", target, gpus, tiers)
         for name in LEFT_OUT:
             shutil.rmtree(stage / name, ignore_errors=True)
         for wheel in wheels:
@@ -227,13 +237,20 @@ def main() -> int:
     parser.add_argument("--output", type=Path, default=ROOT / "dist", help="folder for the zip")
     parser.add_argument("--wheels", type=Path, default=ROOT / "build" / "wheels", help="folder for downloaded wheels")
     add_gpus_option(parser)
+    parser.add_argument(
+        "--tiers",
+        nargs="+",
+        metavar="TIER",
+        help="kinds of processors to compile kernels for; native: this machine's; default: all",
+    )
     arguments = parser.parse_args()
     if arguments.platform not in platforms:
         got = arguments.platform or f"{platform.system()} on {platform.machine()}, this machine"
         print(f"The platform must be one of {', '.join(platforms)}; got {got}: choose with PLATFORM=…", file=sys.stderr)
         return 2
     try:
-        path = build(arguments.platform, arguments.output.resolve(), arguments.wheels.resolve(), arguments.gpus)
+        folders = arguments.output.resolve(), arguments.wheels.resolve()
+        path = build(arguments.platform, *folders, arguments.gpus, arguments.tiers)
     except BuildError as error:
         print(error, file=sys.stderr)
         return 1

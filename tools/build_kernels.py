@@ -25,9 +25,11 @@ import esh
 import warp as wp
 from esh.engine.device.devices import core_count
 from esh.engine.device.prebuilt_gpu_kernels import GENERATIONS, archive_of, digest_of
-from esh.engine.device.prebuilt_kernels import INDEX, TIERS, stem_of
+from esh.engine.device.prebuilt_kernels import INDEX, TIERS, stem_of, tier_of_this_processor
 from esh.engine.device.quiet_start import start_warp
 
+# Stands for the tier of the processor that builds.
+NATIVE = "native"
 # Modules that hold kernels of GPUs only.
 GPU_ONLY = ("_gpu",)
 # An object, and what Warp knows of it.
@@ -54,7 +56,14 @@ def kernel_modules() -> list[str]:
     ]
 
 
-def build(folder: Path, kept: Path = KEPT, gpus: Sequence[int] = (), *, for_cpu: bool = True) -> int:
+def build(
+    folder: Path,
+    kept: Path = KEPT,
+    gpus: Sequence[int] = (),
+    *,
+    for_cpu: bool = True,
+    tiers: Sequence[str] | None = None,
+) -> int:
     """Write objects, archives and their index into a folder, which is emptied first; return how many modules were compiled.
 
     Args:
@@ -62,12 +71,15 @@ def build(folder: Path, kept: Path = KEPT, gpus: Sequence[int] = (), *, for_cpu:
         kept: Where all of them stay for the next time, which then compiles only what has changed.
         gpus: Generations of GPUs, of :data:`.prebuilt_gpu_kernels.GENERATIONS`.
         for_cpu: Whether the CPU's kernels are wanted, which are for this system.
+        tiers: Tiers of processors that the CPU's kernels are for, or :data:`NATIVE`; None for all.
     """
     start_warp()
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    flags = _compiler_flags() if for_cpu else {}
-    count = _build_for_cpu(folder, kept, flags) if flags else 0
+    known = _compiler_flags() if for_cpu else {}
+    wanted = known if tiers is None else {tier_of_this_processor() if tier == NATIVE else tier for tier in tiers}
+    flags = {tier: own for tier, own in known.items() if tier in wanted}
+    count = _build_for_cpu(folder, kept, list(flags.values()), list(known.values())) if flags else 0
     if gpus:
         count += build_gpu_kernels.build(folder, gpus, kept)
     digests = {str(generation): digest_of(folder / archive_of(generation)) for generation in sorted(gpus)}
@@ -83,13 +95,13 @@ def _compiler_flags() -> dict[str, str]:
     return {tier: f"-target-cpu {tier} {own}".strip() for tier in tiers_of_this_machine()}
 
 
-def _build_for_cpu(folder: Path, kept: Path, flags: dict[str, str]) -> int:
-    """Write the objects for tiers with these flags into a folder; return how many there are."""
+def _build_for_cpu(folder: Path, kept: Path, flags: Sequence[str], known: Sequence[str]) -> int:
+    """Write the objects for tiers with these flags into a folder; return how many there are. ``known`` are those of all tiers."""
     kept = kept / f"warp-{wp.__version__}"
     kept.mkdir(parents=True, exist_ok=True)
-    stems = {name: list(_stems(name, flags.values())) for name in kernel_modules()}
+    stems = {name: list(_stems(name, flags)) for name in kernel_modules()}
     missing = [name for name, of_tiers in stems.items() if not all(_is_there(kept / stem) for stem in of_tiers)]
-    compile_missing = partial(_compile_missing, list(flags.values()), kept)
+    compile_missing = partial(_compile_missing, flags, kept)
     if len(missing) > 1:
         # New processes: what Warp has started does not survive a fork.
         with ProcessPoolExecutor(min(core_count(), len(missing)), mp_context=get_context("spawn")) as processes:
@@ -102,8 +114,9 @@ def _build_for_cpu(folder: Path, kept: Path, flags: dict[str, str]) -> int:
             shutil.copyfile(kept / f"{stem}{ending}", folder / f"{stem}{ending}")
     # Of a module that was edited, what it was before.
     modules = {_module_of(stem) for stem in used}
+    current = used | {stem for name in stems for stem in _stems(name, known)}
     for file in kept.iterdir():
-        if file.suffix in ENDINGS and file.stem not in used and _module_of(file.stem) in modules:
+        if file.suffix in ENDINGS and file.stem not in current and _module_of(file.stem) in modules:
             file.unlink(missing_ok=True)
     return len(used)
 
@@ -160,8 +173,15 @@ def main() -> int:
         metavar="N",
         help="compute capabilities of the GPUs to compile for, times ten; default: all; without numbers none",
     )
+    parser.add_argument(
+        "--tiers",
+        nargs="+",
+        choices=[NATIVE, *TIERS],
+        metavar="TIER",
+        help=f"kinds of processors to compile for, of {', '.join(TIERS)}; {NATIVE}: the one of this machine; default: all",
+    )
     arguments = parser.parse_args()
-    count = build(arguments.folder, gpus=arguments.gpus, for_cpu=not arguments.no_cpu)
+    count = build(arguments.folder, gpus=arguments.gpus, for_cpu=not arguments.no_cpu, tiers=arguments.tiers)
     size = sum(file.stat().st_size for file in arguments.folder.iterdir())
     print(f"{count} modules, {size / 1e6:.1f} MB in {arguments.folder}")
     return 0

@@ -10,13 +10,24 @@ has no file in it; Warp then compiles it at its first launch, as ever.
 from __future__ import annotations
 
 import json
+from collections.abc import Container
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import warp as wp
 
-__all__ = ["FOLDER", "INDEX", "TIERS", "are_prebuilt", "load_prebuilt", "read_index", "set_compiler_flags", "stem_of"]
+__all__ = [
+    "FOLDER",
+    "INDEX",
+    "TIERS",
+    "are_prebuilt",
+    "load_prebuilt",
+    "read_index",
+    "set_compiler_flags",
+    "stem_of",
+    "tier_of_this_processor",
+]
 
 FOLDER = Path(__file__).parent / "prebuilt"
 INDEX = "index.json"
@@ -86,13 +97,14 @@ def read_index() -> dict[str, Any] | None:
 def _compiler_flags() -> str | None:
     """Compiler flags of the best tier that this processor belongs to; None where nothing is prebuilt for it."""
     index = read_index()
-    if index is None:
-        return None
+    tier = None if index is None else tier_of_this_processor(index["flags"])
+    return None if index is None or tier is None else str(index["flags"][tier])
+
+
+def tier_of_this_processor(tiers: Container[str] = TIERS) -> str | None:
+    """The best of some tiers that this processor belongs to; None where it belongs to none of them."""
     features = _processor_features()
-    for tier, needed in TIERS.items():
-        if tier in index["flags"] and needed <= features:
-            return str(index["flags"][tier])
-    return None
+    return next((tier for tier, needed in TIERS.items() if tier in tiers and needed <= features), None)
 
 
 def _processor_features() -> frozenset[str]:

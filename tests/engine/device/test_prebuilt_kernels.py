@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from esh.engine.device import prebuilt_kernels
 from esh.engine.device.prebuilt_kernels import INDEX, TIERS
+from esh.engine.device.quiet_start import start_warp
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -43,12 +44,12 @@ def asked_anew():
     prebuilt_kernels._compiler_flags.cache_clear()
 
 
-def build(folder: Path, kept: Path, before: str = "pass") -> None:
-    """Build one module, the one that every run on the CPU begins with, for all tiers."""
+def build(folder: Path, kept: Path, before: str = "pass", settings: str = "") -> None:
+    """Build one module, the one that every run on the CPU begins with, for all tiers unless settings say for which."""
     script = (
         "import sys; sys.path.insert(0, 'tools'); import build_kernels as b; from pathlib import Path; "
         "b.kernel_modules = lambda: ['esh.engine.device.kernels_threads']; "
-        f"{before}; print(b.build(*map(Path, sys.argv[1:])))"
+        f"{before}; print(b.build(*map(Path, sys.argv[1:]), {settings}))"
     )
     outcome = subprocess.run([sys.executable, "-c", script, folder, kept], capture_output=True, text=True, cwd=ROOT)
     assert outcome.returncode == 0, outcome.stderr[-2000:]
@@ -90,6 +91,20 @@ def test_what_was_built_is_kept_for_the_next_time(prebuilt: Path, tmp_path: Path
         f.name: f.read_bytes() for f in prebuilt.iterdir()
     }
     assert not edited.exists() and other.exists()
+
+
+def test_kernels_for_this_processor_alone_are_those_that_it_would_take_of_all(prebuilt: Path, tmp_path: Path):
+    kept = prebuilt.parent / "kept"
+    (version,) = kept.iterdir()
+    before = {file.name for file in version.iterdir()}
+    build(tmp_path / "native", kept, "b.wp.compile_aot_module = None", "tiers=['native']")
+    flags, of_all = (json.loads((folder / INDEX).read_text())["flags"] for folder in (tmp_path / "native", prebuilt))
+    start_warp()
+    tier = prebuilt_kernels.tier_of_this_processor(of_all)
+    assert flags == {tier: of_all[tier]}
+    (made,) = (tmp_path / "native").glob("*.o")
+    assert made.read_bytes() == (prebuilt / made.name).read_bytes()
+    assert {file.name for file in version.iterdir()} == before, "those of others are kept, too"
 
 
 def test_an_edited_kernel_is_compiled(prebuilt: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
