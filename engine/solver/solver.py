@@ -691,7 +691,7 @@ class Solver:
         self._cut()
         self._face(0.0)
         if isinstance(self.descent, SurfaceDescent):
-            keep_least_spacing(self.descent)
+            keep_least_spacing(self.descent, go_on)
         if self.descent.contact is None or not self.model.problem.avoid_overlap:
             return True
         with self.launcher.phase("contact"):

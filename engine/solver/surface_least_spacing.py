@@ -11,6 +11,7 @@ at 1 spacing .0049 and .0050. Forces that are as strong so near, in every step, 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -29,12 +30,16 @@ REGULARITIES, LEAST_SPACINGS = (0.0, 0.3, 0.6), (0.55, 0.70, 0.78)
 MOST_ROUNDS = 12
 
 
-def keep_least_spacing(descent: SurfaceDescent) -> None:
+def keep_least_spacing(descent: SurfaceDescent, go_on: Callable[[], bool] | None = None) -> None:
     """Push bodies apart that are closer than any should be, where a class of alike bodies is spread evenly over all of a surface.
 
     Others stand as close as their densities let them, and footprints that keep apart have contact. Beside the foot of a part that
     stands on another one many bodies are a little too close, and pushing them all costs more than it is worth: errors there at 1
     spacing rise by a twentieth, behind a wall and a carpet by a half.
+
+    Args:
+        descent: Where they are.
+        go_on: Called now and then; returning False ends it.
     """
     model, charge = descent.model, descent.model.charge.charge
     alike = len(model.problem.classes) == 1 and not model.kinds and float(np.ptp(charge)) == 0.0
@@ -47,7 +52,7 @@ def keep_least_spacing(descent: SurfaceDescent) -> None:
     with descent.launcher.phase("contact"):
         for _ in range(MOST_ROUNDS):
             contact.push()
-            if not contact.overlap_count():
+            if not contact.overlap_count() or (go_on is not None and not go_on()):
                 break
         descent.place_charges()
 

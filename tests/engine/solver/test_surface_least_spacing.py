@@ -105,6 +105,14 @@ def test_what_is_fixed_stays_and_others_keep_off():
     assert smallest(after) > smallest(before)
 
 
+def test_whoever_does_not_want_to_wait_ends_it():
+    with Solver(of_one_class(creased()), device="cpu") as solver:
+        solver.run(3)
+        asked = []
+        solver.separate(lambda: bool(asked.append(1)))
+    assert len(asked) == 1
+
+
 @pytest.mark.parametrize("steps", [0, 4])
 def test_an_edit_parts_them_unless_nobody_is_to_settle(steps):
     surface = creased()
