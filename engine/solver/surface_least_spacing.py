@@ -26,8 +26,8 @@ __all__ = ["keep_least_spacing"]
 HEXAGONAL = math.sqrt(2.0 / math.sqrt(3.0))
 # Over this, by regularity: a little less than the smallest spacings on a sphere, where no pair is to be pushed.
 REGULARITIES, LEAST_SPACINGS = (0.0, 0.3, 0.6), (0.55, 0.70, 0.78)
-# So often all pushes are made, and bodies sorted anew, at most.
-MOST_ROUNDS = 12
+# So often all are pushed for a few rounds, and sorted anew, at most.
+MOST_PUSHES = 12
 
 
 def keep_least_spacing(descent: SurfaceDescent, go_on: Callable[[], bool] | None = None) -> None:
@@ -50,7 +50,7 @@ def keep_least_spacing(descent: SurfaceDescent, go_on: Callable[[], bool] | None
         model, descent.launcher, descent.bodies, descent.ground, descent.poses, descent.motion, _radius(descent)
     )
     with descent.launcher.phase("contact"):
-        for _ in range(MOST_ROUNDS):
+        for _ in range(MOST_PUSHES):
             contact.push()
             if not contact.overlap_count() or (go_on is not None and not go_on()):
                 break

@@ -80,11 +80,12 @@ class Lattices:
 
     def _alike(self) -> Iterator[tuple[int, int, int, np.ndarray]]:
         """Yield steps along and across, the corner that rows begin at, and the triangles that have them."""
-        kinds, kind = np.unique(np.stack([self._cuts, self._across, self._apex], axis=1), axis=0, return_inverse=True)
-        order = np.argsort(kind.ravel(), kind="stable")
-        groups = np.split(order, np.cumsum(np.bincount(kind.ravel()))[:-1])
-        for (cuts, across, apex), own in zip(kinds.tolist(), groups, strict=True):
-            yield cuts, across, apex, own
+        # As one number: rows of a table take NumPy a dozen times as long to sort.
+        number = (self._cuts * (MOST_CUTS + 1) + self._across) * 3 + self._apex
+        _, first, kind = np.unique(number, return_index=True, return_inverse=True)
+        groups = np.split(np.argsort(kind, kind="stable"), np.cumsum(np.bincount(kind))[:-1])
+        for one, own in zip(first.tolist(), groups, strict=True):
+            yield int(self._cuts[one]), int(self._across[one]), int(self._apex[one]), own
 
 
 def _lattice(cuts: int) -> np.ndarray:
