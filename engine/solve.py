@@ -100,8 +100,9 @@ def solve_on(
             # What takes longer than this by itself, and stirs more bodies, is left out.
             solver.separate(lambda: time.perf_counter() < deadline, again=True)
         with solver.launcher.phase("report"):
+            heat = solver.heat
             placement = solver.last_placement()
-            report = measure(placement, solver.launcher)
+            report = measure(placement, solver.launcher, heat)
         converged = converged and (report.clean or not problem.avoid_overlap)
         seconds = time.perf_counter() - start_time
         return replace(placement, report=replace(report, steps=steps, converged=converged, seconds=seconds))

@@ -150,6 +150,7 @@ class Cascade:
         node_count: Number of nodes of the first level.
         node_share: Share of every image at every node, shape ``[column_count, node_count]``.
         node_area: Area that every node stands for, shape ``[node_count]``.
+        scale: How many times as dense as given images are seen at every node: see :meth:`scale_images`.
     """
 
     def __init__(
@@ -195,11 +196,12 @@ class Cascade:
         same_where_full = uniform
         if not is_full.all():
             same_where_full = _same_everywhere(share[:, is_full], facets.tile_area[is_full])
+        self._tiles, self._attraction = tiles, attraction
         self.node_share, self.node_area = self._shared_out(parts, share.sum(axis=1), same_where_full)
         self._set_softness(charge)
         self._find_near_target(facets, tiles, parts, attraction, self._make_table(uniform), charge, charge_group)
-        target = attraction @ self.node_share
-        self._target = wp.array(target.T.ravel(), dtype=float, device=device)
+        self._target = launcher.empty(self.node_count * self.group_count, float)
+        self.scale_images(np.ones(self.node_count))
         counts = [level.count for level in self.nodes.levels]
         self._charges = [launcher.empty(count * self.group_count, float) for count in counts]
         # Kernels read beyond their ends: see LANES.
@@ -274,6 +276,36 @@ class Cascade:
     def set_offset(self, offset: np.ndarray) -> None:
         """Give every group a potential of its own at every node, shape ``[group_count, node_count]``, that is added to the others."""
         self._offset.assign(offset.T.astype(np.float32).ravel())
+
+    def tile_of_nodes(self) -> np.ndarray:
+        """The tile that is nearest to every node, shape ``[node_count]``; of a node beyond an edge, that of the nearest other node."""
+        home, way = self.home.numpy(), self._tiles.position.numpy()
+        way = way - self.nodes.points.position.numpy()[home]
+        order = np.lexsort([np.einsum("td,td->t", way, way), home])
+        nodes, first = np.unique(home[order], return_index=True)
+        tile = np.full(self.node_count, -1)
+        tile[nodes] = order[first]
+        beyond = np.flatnonzero(tile < 0)
+        if len(beyond):
+            tile[beyond] = tile[nodes[self.nodes.nearest(beyond, nodes)]]
+        return tile
+
+    def scale_images(self, factor: np.ndarray) -> None:
+        """Let the octaves from l = 0 on see images as that many times as dense, and as a whole no more than before.
+
+        Those below go by how images change within half a spacing, and stay as they are.
+
+        Args:
+            factor: Shape ``[node_count]``, none negative.
+        """
+        self.scale, scaled = factor, self.node_share * factor
+        before, after = (share.sum(axis=1, keepdims=True) for share in (self.node_share, scaled))
+        self._set_target(scaled * before / np.maximum(after, 1e-300))
+
+    def _set_target(self, node_share: np.ndarray) -> None:
+        """Let the octaves from l = 0 on see images of which there is so much at every node, ``[column_count, node_count]``."""
+        target = self._attraction @ node_share
+        self._target.assign(target.T.astype(np.float32).ravel())
 
     def _cascade(self) -> None:
         """From the charges at the nodes to the potential there."""
@@ -484,35 +516,43 @@ class Cascade:
         """
         launcher, columns = self.launcher, len(total)
         result = np.zeros((columns + 1, self.node_count))
-        in_order = None
+        room = None
         for number, tile in enumerate(parts.tile):
-            count = len(tile)
-            homes = taken(launcher, tile, self.home)
-            sort = CellSort(launcher, count, self.node_count)
-            sort.sort(kernels_cascade.find_homes, [homes])
-            at_home = homed(parts.quarter(number), homes, sort)
-            if in_order is None or len(in_order.group) != count:
-                in_order = _room_for_sorted(launcher, count)
-            group = launcher.zeros(count, wp.int32)
+            at_home = self._homed(parts.quarter(number), taken(launcher, tile, self.home))
+            if room is None or len(room.group) != len(tile):
+                room = _room_for_sorted(launcher, len(tile))
             for column in [*np.flatnonzero(~uniform).tolist(), columns]:
-                launcher.launch(
-                    kernels_cascade.fit_rows,
-                    count,
-                    [at_home, parts.amounts(number, column), group, self._weights],
-                    [in_order],
-                    grain=GRAIN_OF_NEIGHBORS,
-                )
-                received = launcher.empty(self.node_count, float)
-                launcher.launch(
-                    kernels_cascade.deposit,
-                    self.node_count,
-                    [in_order, at_home.start, self._weights, 1],
-                    [received],
-                    grain=GRAIN_OF_NEIGHBORS,
-                )
-                result[column] += received.numpy()
+                result[column] += self._deposited(at_home, parts.amounts(number, column), room)
         result[:-1][uniform] = total[uniform, None] / parts.area * result[-1]
         return result[:-1], result[-1]
+
+    def _homed(self, points: Points, home: wp.array) -> kernels_cascade.Homed:
+        """Points whose homes are known, sorted by these."""
+        sort = CellSort(self.launcher, len(home), self.node_count)
+        sort.sort(kernels_cascade.find_homes, [home])
+        return homed(points, home, sort)
+
+    def _deposited(
+        self, at_home: kernels_cascade.Homed, amount: wp.array, room: kernels_cascade.SortedCharges
+    ) -> np.ndarray:
+        """What every node gets of points that have so much each."""
+        launcher, count = self.launcher, len(amount)
+        launcher.launch(
+            kernels_cascade.fit_rows,
+            count,
+            [at_home, amount, launcher.zeros(count, wp.int32), self._weights],
+            [room],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
+        received = launcher.empty(self.node_count, float)
+        launcher.launch(
+            kernels_cascade.deposit,
+            self.node_count,
+            [room, at_home.start, self._weights, 1],
+            [received],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
+        return received.numpy()
 
 
 def _places(launcher: Launcher, mask: np.ndarray) -> wp.array:

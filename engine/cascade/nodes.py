@@ -139,6 +139,15 @@ class Nodes:
             find(empty, FAR_HOME_REACH * length, 0.0)
         return result
 
+    def nearest(self, some: np.ndarray, others: np.ndarray) -> np.ndarray:
+        """Which of other nodes is nearest to each of some, by places in ``others``, shape ``[some_count]``; 0 for far ones."""
+        launcher = self._launcher
+        of_some, of_others = (
+            chosen(launcher, self.points, launcher.array(number.astype(np.int32), wp.int32))
+            for number in (some, others)
+        )
+        return np.maximum(nearest_of(launcher, of_some, of_others, FAR_HOME_REACH * self.length, 0.0).numpy(), 0)
+
     def _make_levels(self, diagonal: float) -> list[NodeLevel]:
         """Make nodes for one octave after the other, until one is as wide as the surface."""
         launcher, nodes, length = self._launcher, self.points, self.length

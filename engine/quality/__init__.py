@@ -1,5 +1,5 @@
 """How good a placement is.
 
 Coverage, spacing, overlaps and lines, measured on the placement alone, independent of the solver. May import
-``device``, ``field``, ``problem``, ``space``, ``surface`` and ``transforms``.
+``device``, ``field``, ``heat``, ``problem``, ``space``, ``surface`` and ``transforms``.
 """

@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
+from ..heat.heat_mesh import HeatMeshes
 from ..problem.body_footprints import DISC, BodyFootprints
 from ..problem.cover import cover_of
 from ..problem.note import Note, NoteKind
@@ -39,19 +40,20 @@ CLEARLY = 1.001
 INWARDS = "a closed mesh looks inwards: bodies lie on its inner side; flip its normals if the outer one is meant"
 
 
-def measure(placement: Placement, launcher: Launcher) -> Report:
+def measure(placement: Placement, launcher: Launcher, heat: HeatMeshes | None = None) -> Report:
     """Measure a placement.
 
     Args:
         placement: What was placed; a report that it has is not looked at.
         launcher: Where to count neighbors.
+        heat: Meshes of the placement's surface that heat spreads on, if there are any already.
 
     Returns:
         The report of a run without steps; whoever ran them adds steps, seconds and whether they converged.
     """
     problem, domain, class_index = placement.problem, placement.problem.domain, placement.class_index
     if isinstance(domain, Surface):
-        return _report_on_surface(placement, launcher)
+        return _report_on_surface(placement, launcher, heat)
     area = problem.areas_as_outlined(problem.shared_areas(), placement.variant, placement.scale)
     lines = any(size.line is not None for c in problem.classes for size in c.sizes)
     has_lines = lines and bool(placement.width.any())
@@ -126,9 +128,9 @@ def _overlaps(
     return overlaps_of(placement, launcher, footprints, bodies.position)
 
 
-def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:
+def _report_on_surface(placement: Placement, launcher: Launcher, heat: HeatMeshes | None) -> Report:
     """What :func:`measure` returns, for a placement on a surface."""
-    found = measure_on_surface(placement, launcher)
+    found = measure_on_surface(placement, launcher, heat)
     notes = [note for c in placement.problem.classes for note in c.notes]
     surface = placement.problem.domain
     if isinstance(surface, Surface) and surface.looks_inwards:

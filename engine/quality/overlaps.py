@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..device.summaries import largest_by_kind, sum_of_whole
 from ..problem.body_footprints import BodyFootprints
 from ..problem.domain import Domain
 from ..problem.of_bodies import of_all, one_by_one
@@ -21,7 +22,6 @@ from . import kernels_overlaps, kernels_sheets
 from .bodies_on_surface import BodiesOnSurface, bodies_on_surface
 from .laid_out import bent_lines, laid_out
 from .sheets import sheets_of
-from .summaries import largest_by_kind, sum_of_whole
 
 __all__ = [
     "TOLERANCE",

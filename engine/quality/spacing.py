@@ -9,12 +9,12 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..device.summaries import least_and_number, median_of_least
 from ..problem.domain import Domain
 from ..space import kernels_cells
 from ..space.cell_sort import CellSort, position_of
 from . import kernels_spacing
 from .measured_bodies import MeasuredBodies, measured_bodies
-from .summaries import least_and_number, median_of_least
 
 __all__ = ["Spacing", "measure_spacing", "smallest_spacing"]
 

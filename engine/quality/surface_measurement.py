@@ -10,17 +10,17 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..device.summaries import least_and_number, median_of_least
+from ..heat.heat_mesh import HeatMeshes
 from ..problem.cover import ground_on_surface
 from ..problem.of_bodies import of_all
 from ..problem.placement import Placement
 from ..problem.surface import Surface
-from . import kernels_heat
+from . import kernels_surface_spacing
 from .bodies_on_surface import BodiesOnSurface, bodies_on_surface
-from .heat import HeatMesh
 from .overlaps import Overlaps, find_overlaps_on_surface
 from .sheets import sheets_of
 from .spacing import HEXAGONAL_SPACING
-from .summaries import least_and_number, median_of_least
 
 __all__ = ["measure_on_surface"]
 
@@ -62,12 +62,12 @@ class SurfaceFigures(NamedTuple):
     excess: Callable[[int], float]
 
 
-def measure_on_surface(placement: Placement, launcher: Launcher) -> SurfaceFigures:
-    """Measure a placement on a surface."""
+def measure_on_surface(placement: Placement, launcher: Launcher, meshes: HeatMeshes | None = None) -> SurfaceFigures:
+    """Measure a placement on a surface, by meshes that heat spreads on if there are any."""
     problem, surface = placement.problem, placement.problem.domain
     assert isinstance(surface, Surface)
     bodies, area = bodies_on_surface(placement, launcher), placement.area
-    errors, whole, excess = _coverage_errors(placement, bodies, launcher)
+    errors, whole, excess = _coverage_errors(placement, bodies, meshes or HeatMeshes(launcher, surface))
     share, _ = ground_on_surface(problem, surface, 0.0)
     covered = float(area.sum() / (surface.area * max(share, 1e-9)))
     smallest, closest, usual = _spacing(placement, bodies, launcher) or (None, None, None)
@@ -76,14 +76,12 @@ def measure_on_surface(placement: Placement, launcher: Launcher) -> SurfaceFigur
 
 
 def _coverage_errors(
-    placement: Placement, bodies: BodiesOnSurface, launcher: Launcher
+    placement: Placement, bodies: BodiesOnSurface, meshes: HeatMeshes
 ) -> tuple[list[float], float, Callable[[int], float]]:
     """Coverage errors of all classes, and of all bodies together; and what tells the ``excess`` of a class."""
     problem, area, class_index = placement.problem, placement.area, placement.class_index
-    assert isinstance(problem.domain, Surface)
     n = len(area)
-    mesh = HeatMesh(launcher, problem.domain, n)
-    meshes = {n: mesh}
+    mesh = meshes.of(n)
     last = np.searchsorted(class_index, np.arange(len(problem.classes)), side="right")
     targets, charges, totals, errors = [], [], [], []
     for k, body_class in enumerate(problem.classes):
@@ -94,10 +92,7 @@ def _coverage_errors(
         targets.append(mesh.target(density, standing))
         charges.append(mesh.charges(bodies.triangle[own], bodies.barycentric[own], area[own]))
         totals.append(float(area[own].sum()))
-        count = _count_of_mesh(body_class.body_count, n)
-        if count not in meshes:
-            meshes[count] = HeatMesh(launcher, problem.domain, count)
-        charge, target, coarser = charges[k], targets[k], meshes[count]
+        charge, target, coarser = charges[k], targets[k], meshes.of(_count_of_mesh(body_class.body_count, n))
         if coarser is not mesh:
             charge = coarser.charges(bodies.triangle[own], bodies.barycentric[own], area[own])
             target = coarser.target(density, standing)
@@ -149,7 +144,7 @@ def _spacing(placement: Placement, bodies: BodiesOnSurface, launcher: Launcher) 
         sheet, related = relations.behind(sheet, int(of_triangle.max()) + 1)
     distance, nearest = launcher.empty(n, float), launcher.empty(n, wp.int32)
     launcher.launch(
-        kernels_heat.find_nearest_body,
+        kernels_surface_spacing.find_nearest_body,
         n,
         [grid.id, position, bodies.normal, launcher.alike(sheet, wp.int32), related, NEIGHBORS],
         [distance, nearest],

@@ -1,5 +1,5 @@
 """From a problem to the poses of its bodies.
 
 Their start, their descent, what lines do, and footprints that push each other apart. May import ``cascade``,
-``device``, ``field``, ``problem``, ``space`` and ``surface``.
+``device``, ``field``, ``heat``, ``problem``, ``space`` and ``surface``.
 """

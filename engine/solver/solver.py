@@ -16,6 +16,7 @@ from ..device.devices import resolve_device
 from ..device.launcher import Launcher
 from ..device.profile import Profile
 from ..errors import ProblemError, Reason, Refusal
+from ..heat.heat_mesh import HeatMeshes
 from ..problem.cover import cover_of
 from ..problem.domain import Domain
 from ..problem.placement import Placement
@@ -74,6 +75,9 @@ OVERFLOW = (
     "nearer to each other"
 )
 CLOSED = "this Solver has given its last placement, or was closed; make another one to go on"
+# After which shares of a run's steps targets on a surface are corrected, and the fewest steps of a run in which they are.
+CORRECTED_AFTER = (0.3, 0.5, 0.7, 0.85)
+FEWEST_CORRECTED = 40
 # Steps after an edit, behind those in which bodies settle.
 EDIT_STEPS = 5
 # An edit that makes so many times more or fewer charges gets another unit of length.
@@ -630,14 +634,16 @@ class Solver:
         check_progress(progress)
         residual = math.inf
         step = 0
+        corrections = self._corrections(max_steps)
         while step < max_steps:
+            until = corrections[0] if corrections else max_steps
             # With nobody watching, steps follow each other without Python, and a GPU need not be asked after each how it goes.
             many = 1
             if progress is None:
                 if self.launcher.device.is_cuda:
-                    many = 1 if self.launcher.profiled else min(STEPS_UNWATCHED, max_steps - step)
+                    many = 1 if self.launcher.profiled else min(STEPS_UNWATCHED, until - step)
                 elif step > 0:
-                    many = max_steps - step
+                    many = until - step
             taken = self.descent.step.play(many, self.descent.direction.settled(TOLERANCE))
             residual = self._stepped(taken)
             step += taken
@@ -647,9 +653,26 @@ class Solver:
                 if is_stop(go_on):
                     return step, False
             # Before the second step nothing has shown yet whether contact lets bodies move.
-            if residual < TOLERANCE and step > 1:
+            rests = residual < TOLERANCE and step > 1
+            if corrections and (rests or step >= until):
+                del corrections[0]
+                assert isinstance(self.descent, SurfaceDescent)
+                self.descent.correct_targets()
+            elif rests:
                 return step, True
         return max_steps, step > 1 and (residual < SETTLED or residual < self._settled_in_contact)
+
+    def _corrections(self, max_steps: int) -> list[int]:
+        """After which steps of a run the targets are corrected, in their order; sooner where bodies have come to rest."""
+        descent = self.descent
+        if max_steps < FEWEST_CORRECTED or not isinstance(descent, SurfaceDescent) or not descent.corrects_targets:
+            return []
+        return [round(share * max_steps) for share in CORRECTED_AFTER]
+
+    @property
+    def heat(self) -> HeatMeshes | None:
+        """Meshes that heat spreads on, for a report to take again; None in the plane."""
+        return self.descent.heat if isinstance(self.descent, SurfaceDescent) else None
 
     @property
     def _settled_in_contact(self) -> float:

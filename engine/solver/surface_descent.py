@@ -19,6 +19,7 @@ from ..cascade.points import empty_points
 from ..cascade.seen_from_afar import looks_other_from_afar, seen_from_afar
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..errors import ProblemError, Reason, Refusal
+from ..heat.heat_mesh import HeatMeshes
 from ..problem.outlines_on_surface import OutlinesOnSurface
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface
@@ -53,6 +54,7 @@ from .surface_places import (
 from .surface_separation import SurfaceSeparation
 from .surface_softness import softness_of
 from .surface_state import SurfaceState
+from .surface_target_correction import SurfaceTargetCorrection
 
 __all__ = ["SurfaceDescent"]
 
@@ -87,6 +89,11 @@ MOST_MISSED = 0.0005
 # with 30, 0.84 and 0.82 with 20. In the plane such a step came in one of eight cases, and did no harm; lines and outlines that keep
 # apart need steps as long there (with 30 tests of both failed), and are left alone here, too.
 MOST_STRETCH = 30.0
+# Targets are corrected for so many bodies. Many more stand so densely that few folds are narrower than their spacing, and a correction
+# would take a tenth of the run; what a handful makes of its target is nothing to go by. Nor are they where heat spreads by more
+# polynomials than this: on some meshes full of slivers a correction would take as long as all steps.
+CORRECTED = (24, 50_000)
+MOST_POLYNOMIALS = 200
 
 
 class SurfaceDescent:
@@ -110,6 +117,7 @@ class SurfaceDescent:
         poses: Where the bodies are, as kernels take it.
         motion: What is remembered of their ways.
         step: A whole step, recorded.
+        heat: The surface as heat spreads on it, for the report to take again.
     """
 
     def __init__(
@@ -123,7 +131,10 @@ class SurfaceDescent:
         self.model, self.launcher = model, launcher
         surface = model.problem.domain
         assert isinstance(surface, Surface)
-        self.facets = Facets(launcher, surface, model.unit, *joined_parts(launcher, surface, model.unit))
+        parts = joined_parts(launcher, surface, model.unit)
+        self.facets = Facets(launcher, surface, model.unit, *parts)
+        # Heat ends where meshes only touch, and bodies would leave their seam for that.
+        self._has_seams = bool((surface.open_side & ~parts.open_side).any())
         if shares is None:
             share = self._cut_by_detail()
         self.bodies = bodies_for_kernels(model, launcher)
@@ -173,6 +184,8 @@ class SurfaceDescent:
             self.contact = SurfaceContact(model, launcher, self.bodies, self.ground, self.poses, self.motion)
         self.place_charges()
         self.step = launcher.record(self.take_step)
+        self.heat = HeatMeshes(launcher, surface)
+        self._correction: SurfaceTargetCorrection | None = None
 
     def _make_forces(
         self, on_device: kernels_facets.Facets, of_group: np.ndarray, before: SurfaceDescent | None
@@ -193,6 +206,9 @@ class SurfaceDescent:
             softness=softness,
             nodes=self._nodes_of(before),
         )
+        if before is not None and before.cascade.nodes is self.cascade.nodes:
+            # What an edit finds corrected stays so.
+            self.cascade.scale_images(before.cascade.scale)
         # What is blurred as its target is has no such bias.
         potential = None
         if softness is None:
@@ -221,6 +237,25 @@ class SurfaceDescent:
                 self.contact.push()
             with self.launcher.phase("update"):
                 self.place_charges()
+
+    @property
+    def corrects_targets(self) -> bool:
+        """Whether :meth:`correct_targets` is of use, and worth its time."""
+        (fewest, most), count = CORRECTED, self.model.body_count
+        if self._has_seams or not fewest <= count <= most:
+            return False
+        return self.heat.of(count).polynomials(count) <= MOST_POLYNOMIALS
+
+    def correct_targets(self) -> None:
+        """Correct the targets by how dense bodies stand; see :mod:`.surface_target_correction`."""
+        model = self.model
+        with self.launcher.phase("targets"):
+            if self._correction is None:
+                heat = self.heat.of(model.body_count)
+                self._correction = SurfaceTargetCorrection(
+                    model, self.launcher, self.facets, self.share, self.cascade, heat
+                )
+            self._correction.correct(self.charges)
 
     def separate(self, go_on: Callable[[], bool] | None = None, *, again: bool = False) -> bool:
         """Part all outlines, where the surface can hold them; returns whether none overlap any more.

@@ -18,12 +18,12 @@ from .final_placement import angle_within, bends_of, looking_bodies, looks_at_po
 from .model import Model
 from .surface_state import SurfaceState
 
-__all__ = ["facing_headings", "placement_on_surface", "points_of"]
+__all__ = ["facing_headings", "in_triangles", "placement_on_surface", "points_of"]
 
 
 def points_of(launcher: Launcher, facets: Facets, state: SurfaceState) -> PointsOnSurface:
     """Where all bodies of a state are."""
-    triangle, barycentric = _in_triangles(launcher, facets, state)
+    triangle, barycentric = in_triangles(launcher, facets, state.facet, state.weight)
     return facets.surface.points(triangle.numpy(), barycentric.numpy())
 
 
@@ -47,7 +47,7 @@ def placement_on_surface(
     ``charges`` is where all charges are [m], shape ``[charge_count, 3]``, if lines may bend.
     """
     body, n = model.body, model.body_count
-    triangle, barycentric = _in_triangles(launcher, facets, state)
+    triangle, barycentric = in_triangles(launcher, facets, state.facet, state.weight)
     position, normal, tangent = (launcher.empty(n, wp.vec3d) for _ in range(3))
     turn = launcher.empty(n, wp.float64)
     outlined = model.footprints.is_outline if model.footprints.has_outlines else of_all(False, n)
@@ -105,11 +105,11 @@ def placement_on_surface(
     )
 
 
-def _in_triangles(launcher: Launcher, facets: Facets, state: SurfaceState) -> tuple[wp.array, wp.array]:
-    """Triangles of all bodies, ``wp.int32``, and weights of their corners, ``wp.vec3d``."""
-    n = len(state.facet)
+def in_triangles(launcher: Launcher, facets: Facets, facet: wp.array, weight: wp.array) -> tuple[wp.array, wp.array]:
+    """Triangles of points on facets, ``wp.int32``, and weights of their corners, ``wp.vec3d``."""
+    n = len(facet)
     triangle, barycentric = launcher.empty(n, wp.int32), launcher.empty(n, wp.vec3d)
-    inputs = [state.facet, state.weight, facets.on_device.triangle, facets.on_device.weight]
+    inputs = [facet, weight, facets.on_device.triangle, facets.on_device.weight]
     launcher.launch(kernels_surface_end.find_in_triangles, n, inputs, [triangle, barycentric])
     return triangle, barycentric
 

@@ -246,7 +246,7 @@ class LiveWorker:
         self._shown, self._shows_nothing = job, False
         try:
             with self._solver.launcher.interruptible(self._drop_if_unwanted):
-                report = measure(placement, self._solver.launcher)
+                report = measure(placement, self._solver.launcher, self._solver.heat)
         except _DroppedError:
             return False
         report = replace(report, steps=steps, converged=True, seconds=time.perf_counter() - start)

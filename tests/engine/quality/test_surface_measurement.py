@@ -12,13 +12,13 @@ import trimesh
 import warp as wp
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
+from esh.engine.heat import heat_mesh as heat_module
+from esh.engine.heat.heat_mesh import HeatMesh
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
-from esh.engine.quality import heat as heat_module
-from esh.engine.quality.heat import HeatMesh
 from esh.engine.quality.kernels_sheets import on_one_sheet
 from esh.engine.quality.measurement import measure
 from esh.engine.quality.sheets import sheets_of

@@ -337,12 +337,12 @@ def test_whoever_goes_from_a_narrow_surface_or_comes_there_does_so_evenly_along_
         return esh.Problem(tube, [esh.BodyClass("a", [size], density=density)])
 
     with esh.Solver(asked(1.0), device="cpu") as solver:
-        solver.run(80)
+        solver.step(80)
         before = solver.placement()
         solver.edit(asked(lambda points: np.where(points.position[:, 0] > 2.4, factor, 1.0)))
         after = solver.placement()
         error = measure(after, solver.launcher).coverage_error
-        solver.run(80)
+        solver.step(80)
         later = measure(solver.placement(), solver.launcher).coverage_error
     assert error < over_later * later
     _, i, j = np.intersect1d(before.id, after.id, return_indices=True)

@@ -6,9 +6,9 @@ import pytest
 import warp as wp
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
+from esh.engine.heat.heat_mesh import HeatMesh
+from esh.engine.heat.split_triangles import even_triangles, split_triangles
 from esh.engine.problem.nearest_on_triangles import nearest_on_triangles
-from esh.engine.quality.heat import HeatMesh
-from esh.engine.quality.split_triangles import even_triangles, split_triangles
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -160,7 +160,9 @@ def test_coverage_errors_of_even_bodies_do_not_depend_on_slivers():
     n = 300
     surface = strips(12, 12)
     problem = esh.Problem(surface, [esh.BodyClass("a", [esh.Size("s", 0.3 / n, n)])])
-    place = esh.solve(problem, device="cpu").position
+    with esh.Solver(problem, device="cpu") as solver:
+        solver.step(100)
+        place = solver.placement().position
     found, expected = (errors(one, place, (0.5, 1.0, 2.0)) for one in (strips(60, 1), surface))
     np.testing.assert_allclose(found, expected, rtol=0.25)
 

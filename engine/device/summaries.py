@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from ..device.launcher import Launcher
 from . import kernels_summaries
+from .launcher import Launcher
 
 __all__ = ["largest_by_kind", "least_and_number", "median_of_least", "sum_of_squares", "sum_of_whole"]
 

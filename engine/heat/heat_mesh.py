@@ -1,8 +1,11 @@
-"""Coverage error on a surface: charges and target, smoothed by the heat kernel, compared.
+"""Charges and a target on a surface, smoothed by the heat kernel, and compared.
 
 The surface is cut into even triangles of about half a spacing, on which heat spreads by linear finite elements with the cotangent
 Laplacian. Where some are slivers, sides are halved instead, and turned, also across the edges of the surface. In time it is exact:
-exp(-t L) is expanded in Chebyshev polynomials of L. Nothing of this is known to the solver.
+exp(-t L) is expanded in Chebyshev polynomials of L.
+
+The report measures coverage errors by this, and the solver corrects by it what it asks for. What says how good both are knows nothing
+of it: ``benchmarks/surface_metric.py`` has finite elements of its own, by SciPy.
 
 **Limitations**: Meshes that touch without sharing corners are measured as if they ended there.
 """
@@ -11,20 +14,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..device.summaries import largest_by_kind, sum_of_squares
 from ..problem.of_bodies import of_all
 from ..problem.sides import Sides
 from ..problem.surface import PointsOnSurface, Surface
 from ..space.cell_sort import CellSort
 from . import kernels_heat
 from .split_triangles import even_triangles, split_triangles
-from .summaries import largest_by_kind, sum_of_squares
 
-__all__ = ["HeatMesh"]
+__all__ = ["HeatMesh", "HeatMeshes", "Shares"]
 
 # Triangles along a mean spacing, how much longer sides may be than triangles are on average, and the most triangles that there may be:
 # for every body, and whatever the number of these.
@@ -63,6 +67,32 @@ POINTS_WHERE_IT_VARIES = 1 << 19
 VARIES = 0.2
 # Polynomials that are left out count less than this.
 PRECISION = 1e-7
+
+
+class Shares(NamedTuple):
+    """What points share out: three vertices for each, ``wp.int32``, and what each of these gets, ``wp.float64``."""
+
+    vertex: wp.array
+    amount: wp.array
+
+
+class HeatMeshes:
+    """The meshes of a surface for different numbers of bodies, each made when it is asked for.
+
+    Args:
+        launcher: Where to run.
+        surface: The surface.
+    """
+
+    def __init__(self, launcher: Launcher, surface: Surface) -> None:
+        self._launcher, self._surface = launcher, surface
+        self._made: dict[int, HeatMesh] = {}
+
+    def of(self, count: int) -> HeatMesh:
+        """The mesh for so many bodies."""
+        if count not in self._made:
+            self._made[count] = HeatMesh(self._launcher, self._surface, count)
+        return self._made[count]
 
 
 class HeatMesh:
@@ -162,19 +192,24 @@ class HeatMesh:
         Returns:
             What every vertex gets, ``wp.float64``.
         """
+        launcher, shares = self._launcher, self.shared_out(triangle, barycentric, charge)
+        sort = CellSort(launcher, len(shares.vertex), self._count)
+        sort.sort(kernels_heat.find_shares, [shares.vertex])
+        total = launcher.empty(self._count, wp.float64)
+        launcher.launch(kernels_heat.add_shares, self._count, [sort.cell_start, sort.order, shares.amount], [total])
+        return total
+
+    def shared_out(self, triangle: wp.array, barycentric: wp.array, charge: np.ndarray) -> Shares:
+        """Which vertices get what of charges; arguments are those of :meth:`charges`."""
         launcher, count = self._launcher, len(charge)
         if not self._triangles.is_whole:
             place, weight = self._triangles.locate(triangle.numpy().astype(np.int64), barycentric.numpy())
             triangle = launcher.array(place.astype(np.int32), wp.int32)
             barycentric = launcher.array(weight, wp.vec3d)
-        vertex, amount = launcher.empty(3 * count, wp.int32), launcher.empty(3 * count, wp.float64)
+        shares = Shares(launcher.empty(3 * count, wp.int32), launcher.empty(3 * count, wp.float64))
         inputs = [triangle, barycentric, launcher.alike(charge, wp.float64), self._cut]
-        launcher.launch(kernels_heat.share_out, count, inputs, [vertex, amount])
-        sort = CellSort(launcher, 3 * count, self._count)
-        sort.sort(kernels_heat.find_shares, [vertex])
-        total = launcher.empty(self._count, wp.float64)
-        launcher.launch(kernels_heat.add_shares, self._count, [sort.cell_start, sort.order, amount], [total])
-        return total
+        launcher.launch(kernels_heat.share_out, count, inputs, [*shares])
+        return shares
 
     def target(
         self, density: Callable[[PointsOnSurface], np.ndarray] | None = None, standing: np.ndarray | None = None
@@ -244,6 +279,10 @@ class HeatMesh:
             self._launcher.launch(kernels_heat.add_times, self._count, [own, factor], [result])
         return result
 
+    def polynomials(self, count: int, k: float = 1.0) -> int:
+        """How many of them :meth:`error` and :meth:`surplus_at` have to add up: many where triangles are slivers."""
+        return len(_chebyshev(0.25 * k**2 * self._surface.area / count * self._largest))
+
     def error(self, charges: wp.array, total: float, target: wp.array, count: int, k: float = 1.0) -> float:
         """Coverage error of ``count`` bodies at ``k`` of their spacings: RMS of the smoothed difference over the mean density.
 
@@ -252,6 +291,29 @@ class HeatMesh:
         spacing = math.sqrt(self._surface.area / count)
         smooth = self._spread(charges, total, target, 0.5 * (k * spacing) ** 2)
         return math.sqrt(sum_of_squares(self._launcher, smooth) * self._surface.area)
+
+    def surplus_at(
+        self, places: Shares, charges: wp.array, total: float, target: wp.array, count: int, k: float = 1.0
+    ) -> np.ndarray:
+        """How much denser than the target charges are at points, smoothed as in :meth:`error`, over the mean density.
+
+        Args:
+            places: What points of charge 1 share out, see :meth:`shared_out`.
+            charges: See :meth:`error`, as the others.
+            total: See there.
+            target: See there.
+            count: See there.
+            k: See there.
+
+        Returns:
+            Shape ``[n]``.
+        """
+        area = self._surface.area
+        smooth = self._spread(charges, total, target, 0.5 * k**2 * area / count)
+        result = self._launcher.empty(len(places.vertex) // 3, float)
+        inputs = [places.vertex, places.amount, smooth, self._root, area]
+        self._launcher.launch(kernels_heat.read, len(result), inputs, [result])
+        return result.numpy().astype(np.float64)
 
     def excess(self, charges: wp.array, total: float, target: wp.array, count: int) -> float:
         """Return what is left of the :meth:`error` whatever bodies there are beside those whose ``charges`` are given.

@@ -9,7 +9,7 @@ import pytest
 import warp as wp
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
-from esh.engine.quality.summaries import (
+from esh.engine.device.summaries import (
     largest_by_kind,
     least_and_number,
     median_of_least,

@@ -1,11 +1,8 @@
-"""Kernels that measure placements on surfaces: heat that spreads over a mesh, distances of neighbors."""
+"""Kernels that let heat spread over a mesh."""
 
 from __future__ import annotations
 
 import warp as wp
-
-from ..surface.kernels_relations import see_each_other
-from .kernels_sheets import on_one_sheet
 
 wp.set_module_options({"enable_backward": False})
 
@@ -327,35 +324,20 @@ def chebyshev_step(
 
 
 @wp.kernel
-def find_nearest_body(
+def read(
     first: int,
-    grid: wp.uint64,
-    position: wp.array(dtype=wp.vec3),
-    normal: wp.array(dtype=wp.vec3d),
-    sheet: wp.array(dtype=wp.int32),
-    relations: int,
-    reach: float,
+    vertex: wp.array(dtype=wp.int32),
+    amount: wp.array(dtype=wp.float64),
+    smooth: wp.array(dtype=float),
+    root: wp.array(dtype=wp.float64),
+    factor: wp.float64,
     # outputs
-    distance: wp.array(dtype=float),
-    nearest: wp.array(dtype=wp.int32),
+    value: wp.array(dtype=float),
 ):
-    """The nearest body of the same sheet, or of one that stands on it, and its distance: itself and ``reach`` where none is nearer.
-
-    Which do lies behind the sheets of all bodies, from ``relations`` on.
-    """
+    """What is at points of what has spread, as a density, times a factor."""
     i = first + wp.tid()
-    own = position[i]
-    least = float(reach)
-    found = int(i)
-    query = wp.hash_grid_query(grid, own, reach)
-    j = int(0)
-    while wp.hash_grid_query_next(query, j):
-        if j != i and see_each_other(sheet[i], sheet[j], sheet, relations):
-            way = position[j] - own
-            away = wp.length(way)
-            if away < least:
-                if on_one_sheet(wp.vec3d(way), wp.float64(away), normal[i], normal[j]):
-                    least = away
-                    found = j
-    distance[i] = least
-    nearest[i] = found
+    total = wp.float64(0.0)
+    for k in range(3 * i, 3 * i + 3):
+        v = vertex[k]
+        total += amount[k] * wp.float64(smooth[v]) / root[v]
+    value[i] = float(factor * total)
