@@ -55,6 +55,7 @@ class SurfaceTargetCorrection:
             self._target = heat.target()
         else:
             self._target = heat.charges(*self._in_triangles(facet, weight), wanted)
+        self._best, self._done = (np.inf, cascade.scale), False
         # Over the mean density. Where there is less the surplus of single bodies would count as much as that of many.
         nothing = launcher.zeros(len(self._target), wp.float64)
         self._density = np.maximum(heat.surplus_at(self._nodes, self._target, 1.0, nothing, self._number), 1.0)
@@ -65,8 +66,23 @@ class SurfaceTargetCorrection:
         return self._launcher.array(triangle.astype(np.int32), wp.int32), self._launcher.array(of_corners, wp.vec3d)
 
     def correct(self, charges: Charges) -> None:
-        """Ask for less where charges are denser than they should be, and for more where they are not as dense."""
+        """Ask for less where charges are denser than they should be, and for more where they are not as dense.
+
+        Where the last correction was of no use it is taken back, and nothing is corrected any more.
+        """
+        if self._done:
+            return
         places = in_triangles(self._launcher, self._facets, charges.facet, charges.weight)
         placed = self._heat.charges(*places, self._charge)
         surplus = self._heat.surplus_at(self._nodes, placed, self._total, self._target, self._number)
-        self._cascade.scale_images(np.clip(self._cascade.scale - surplus / self._density, *FACTORS))
+        # How uneven bodies are that have followed the targets as they are now.
+        unevenness = float((surplus**2 * self._cascade.node_area.clip(min=0.0)).sum())
+        scale, (least, best) = self._cascade.scale, self._best
+        if unevenness > least:
+            # Corrected further they would be worse: on the faces of a ridge that is narrower than nodes are apart, say, bodies
+            # follow what is asked for on both.
+            self._done = True
+            self._cascade.scale_images(best)
+            return
+        self._best = unevenness, scale
+        self._cascade.scale_images(np.clip(scale - surplus / self._density, *FACTORS))
