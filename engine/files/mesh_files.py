@@ -39,6 +39,10 @@ def read_meshes(path: str | Path) -> list[SurfaceMesh]:
         meshes = _meshes_of(path)
     except ProblemError as error:
         raise InputFileError(f"{path}: {error}") from None
+    except IndexError:
+        raise InputFileError(
+            f"{path} cannot be read as a mesh: a face has a corner that is none of the file's vertices"
+        ) from None
     except Exception as error:  # whatever the readers of trimesh stumble over
         raise InputFileError(
             f"{path} cannot be read as a mesh: {' '.join(str(error).split()) or 'no reason given'}"

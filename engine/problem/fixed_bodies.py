@@ -64,6 +64,11 @@ class Origin:
             return ""
         return f"{self.path}, " + (f"body {body + 1}: " if self.line is None else f"line {self.line[body]}: ")
 
+    @staticmethod
+    def key(name: str) -> str:
+        """What recipes and tables call a setting."""
+        return "class" if name == "body_class" else name
+
 
 class WrongBodyError(ProblemError):
     """A value of one of several bodies that is none.
@@ -505,10 +510,17 @@ def _wrong(parts: Sequence[FixedBodies], body: int, name: str, said: str) -> Pro
     """Return what to raise for a setting of one of the bodies of all parts: with its file and line, where it has some."""
     for part in parts:
         if body < len(part):
-            where = "" if part.origin is None else part.origin.told(int(body), name)
-            return ProblemError(f"{where}`fixed.{name}` {said}")
+            if part.origin is None:
+                return ProblemError(f"`fixed.{name}` {said}")
+            return ProblemError(f"{part.origin.told(int(body), name)}`fixed.{part.origin.key(name)}` {said}")
         body -= len(part)
     raise AssertionError("no part has this body")
+
+
+def _is_read(parts: Sequence[FixedBodies], body: int) -> bool:
+    """Whether one of the bodies of all parts is from a recipe or a table, where nothing is named by an index."""
+    last = np.cumsum([len(part) for part in parts])
+    return parts[int(np.searchsorted(last, body, side="right"))].origin is not None
 
 
 def _positions(
@@ -519,7 +531,8 @@ def _positions(
     for part in parts:
         if part.position.shape[1] != width:
             where = "on a surface x, y and z" if width == 3 else "in a rectangle x and y"
-            raise ProblemError(f"`fixed.position` must be {where} in meters; got {part.position.shape[1]} coordinates")
+            said = f"must be {where} in meters; got {part.position.shape[1]} coordinates"
+            raise _wrong([part], 0, "position", said) if len(part) else ProblemError(f"`fixed.position` {said}")
     position = np.concatenate([part.position for part in parts])
     mesh = np.concatenate([np.asarray(part.mesh) for part in parts])
     triangle = np.concatenate([np.asarray(part.triangle) for part in parts])
@@ -682,7 +695,8 @@ def _indices(
         found = known.get(label) if isinstance(label, (str, int)) and not isinstance(label, bool) else None
         if found is None:
             accepted = ", ".join(f'"{one}"' for one in names)
-            said = f"{of}must be one of {accepted}, or an index of them; got {show(label)}"
+            index = "" if _is_read(parts, chosen[place]) else ", or an index of them"
+            said = f"{of}must be one of {accepted}{index}; got {show(label)}"
             raise _wrong(parts, chosen[place], name, said)
         result[place] = found
     return result

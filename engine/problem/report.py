@@ -151,14 +151,19 @@ class Report:
         state = "converged" if self.converged else "not converged"
         lines = [
             *aligned,
-            f"all bodies: coverage error {self.coverage_error:.4f}{noise}, smallest spacing "
-            f"{_two_digits(self.smallest_spacing)} and order {_two_digits(self.order)} (hexagonal = 1), "
-            f"{self.overlaps} overlaps, {self.covered:.0%} of the space covered",
+            f"all bodies: coverage error {self.coverage_error:.4f}{noise}, {self._regularity()}, "
+            f"{self.overlaps} overlap{'' if self.overlaps == 1 else 's'}, {self.covered:.0%} of the space covered",
             *self._distances(),
             f"{self.steps} steps, {state}, {self.seconds:.2f} s on {self.device}",
             *self.notes,
         ]
         return "\n".join(lines)
+
+    def _regularity(self) -> str:
+        """Smallest spacing, and order where that is measured."""
+        order = "" if self.order is None else f" and order {self.order:.2f}"
+        known = " (hexagonal = 1)" if self.smallest_spacing is not None else ""
+        return f"smallest spacing {_two_digits(self.smallest_spacing)}{order}{known}"
 
     def _distances(self) -> list[str]:
         """How far bodies are apart [m], where the smallest spacing is low, and what that is relative to."""

@@ -124,6 +124,11 @@ def test_maps_and_colors_of_gltf_files_are_read_with_a_material_and_without(tmp_
         ("mesh.docx", b"", r"must end in .obj, .ply, .stl, .glb, .gltf, .off; got the ending '.docx'"),
         ("empty.obj", b"", "must hold at least one triangle|cannot be read"),
         ("broken.glb", b"glTF of a kind", "cannot be read as a mesh"),
+        (
+            "corner.obj",
+            b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n",
+            "a face has a corner that is none of the file's vertices",
+        ),
     ],
 )
 def test_what_is_no_mesh_file_is_refused_in_a_sentence(tmp_path, name, content, sentence):

@@ -238,7 +238,7 @@ def test_every_value_of_fixed_bodies_is_written_and_read_back(tmp_path, name):
         ),
         (
             '[[fixed]]\nposition = [[1, 2]]\nclass = "oak"\n',
-            '`fixed.2.`, body 1: `fixed.body_class` must be one of "pine", "rock"',
+            '`fixed.2.`, body 1: `fixed.class` must be one of "pine", "rock"',
         ),
         (
             "[[fixed]]\nposition = [[1, 2], [30, 1]]\n",
@@ -314,7 +314,7 @@ def test_a_table_in_another_encoding_is_to_be_saved_as_utf_8(tmp_path, encoding)
     ("content", "message"),
     [
         ("x,y\n1,1\n30,1\n", r"line 3: `fixed\.position` must lie inside the domain, .*; got \[30\.0, 1\.0\]"),
-        ("x,y,class_name\n1,1,oak\n", r'line 2: `fixed\.body_class` must be one of "pine", "rock", .*; got "oak"'),
+        ("x,y,class_name\n1,1,oak\n", r'line 2: `fixed\.class` must be one of "pine", "rock"; got "oak"'),
         ("x,y,size_name\n\n1,1,\n", r'line 3: `fixed\.size` of class "pine" must be one of .*; got ""'),
         ("x,y,id\n1,1,3\n2,1,4\n2,2,3\n", r"line 4: `fixed\.id` must differ from body to body; got 3 twice"),
     ],
@@ -327,7 +327,7 @@ def test_what_does_not_fit_the_problem_is_told_with_its_line(tmp_path, content, 
 
 def test_what_the_recipe_says_itself_has_no_line(tmp_path):
     np.savez(tmp_path / "t.npz", position=[[1.0, 2.0], [5.0, 2.0]])
-    with pytest.raises(InputFileError, match=r"r\.toml: `fixed\.body_class` must be one of"):
+    with pytest.raises(InputFileError, match=r"r\.toml: `fixed\.class` must be one of"):
         read_recipe(write(tmp_path, '[[fixed]]\nfile = "t.npz"\nclass = "oak"\n'))
     np.savez(tmp_path / "t.npz", position=[[1.0, 2.0], [50.0, 2.0]])
     with pytest.raises(InputFileError, match=r"r\.toml: .*t\.npz, body 2: `fixed\.position` must lie inside"):

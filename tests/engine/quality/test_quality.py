@@ -280,6 +280,8 @@ def test_the_report_has_the_order_of_all_and_of_each_class():
     assert report.order == pytest.approx(sixfold_order(placement.position), abs=2e-3)
     assert report.to_dict()["order"] == report.order and report.to_dict()["classes"][0]["order"] > 0.3
     assert f"order {report.order:.2f}" in str(report) and str(report).splitlines()[0].endswith("order")
+    assert "(hexagonal = 1), 1 overlap, " in str(replace(report, overlaps=1))
+    assert "smallest spacing -, 2 overlaps, " in str(replace(report, smallest_spacing=None, order=None, overlaps=2))
 
 
 def test_overlaps_of_discs_are_looked_for_only_where_some_are_closer_than_wide(monkeypatch):
