@@ -63,7 +63,9 @@ class SurfaceTargetCorrection:
     def _in_triangles(self, facet: np.ndarray, weight: np.ndarray) -> tuple[wp.array, wp.array]:
         """Triangles of points on facets, and weights of their corners."""
         triangle, of_corners = self._facets.in_triangle(facet, weight)
-        return self._launcher.array(triangle.astype(np.int32), wp.int32), self._launcher.array(of_corners, wp.vec3d)
+        # Read at once where triangles are split.
+        own_array = self._launcher.own_array
+        return own_array(triangle.astype(np.int32), wp.int32), own_array(of_corners, wp.vec3d)
 
     def correct(self, charges: Charges) -> None:
         """Ask for less where charges are denser than they should be, and for more where they are not as dense.

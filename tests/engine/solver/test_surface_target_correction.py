@@ -50,22 +50,23 @@ def problem(mesh, counts, density=1.0, **settings):
     return esh.Problem(esh.Surface(esh.SurfaceMesh(*mesh)), classes, **settings)
 
 
-def errors(mesh, asked, density=uniform):
+def errors(mesh, asked, density=uniform, device="cpu"):
     """Coverage errors at one spacing of all bodies together without and with corrections, by SciPy."""
     measure = metric.SurfaceMetric(*mesh, asked.body_count)
     found = []
     for go in (lambda solver: solver.step(100), lambda solver: solver.run(100)):
-        with Solver(asked, device="cpu") as solver:
+        with Solver(asked, device=device) as solver:
             go(solver)
             found.append(float(measure.coverage(solver.placement().position, density, (1.0,))[0]))
     return found
 
 
+@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda:0", marks=pytest.mark.cuda)])
 @pytest.mark.parametrize("seed", [0, 1])
-def test_sharp_folds_have_as_many_as_they_are_asked_for(seed):
+def test_sharp_folds_have_as_many_as_they_are_asked_for(seed, device):
     """Of those that are narrower than bodies are apart; errors without are .0098."""
     mesh = ridges(height=0.2, steps=20)
-    without, corrected = errors(mesh, problem(mesh, [800], seed=seed))
+    without, corrected = errors(mesh, problem(mesh, [800], seed=seed), device=device)
     assert corrected < 0.65 * without
 
 
