@@ -46,7 +46,7 @@ def measure(placement: Placement, launcher: Launcher, heat: HeatMeshes | None = 
     Args:
         placement: What was placed; a report that it has is not looked at.
         launcher: Where to count neighbors.
-        heat: Meshes of the placement's surface that heat spreads on, if there are any already.
+        heat: Meshes of its surface that heat spreads on, if known.
 
     Returns:
         The report of a run without steps; whoever ran them adds steps, seconds and whether they converged.
@@ -55,8 +55,7 @@ def measure(placement: Placement, launcher: Launcher, heat: HeatMeshes | None = 
     if isinstance(domain, Surface):
         return _report_on_surface(placement, launcher, heat)
     area = problem.areas_as_outlined(problem.shared_areas(), placement.variant, placement.scale)
-    lines = any(size.line is not None for c in problem.classes for size in c.sizes)
-    has_lines = lines and bool(placement.width.any())
+    has_lines = any(size.line is not None for c in problem.classes for size in c.sizes) and placement.width.any()
     axes = (placement.angle, placement.length) if has_lines else ()
     bodies = measured_bodies(launcher, domain, placement.position, *axes)
     coverage = Coverage(bodies, area, class_index)
