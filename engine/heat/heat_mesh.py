@@ -6,8 +6,6 @@ exp(-t L) is expanded in Chebyshev polynomials of L.
 
 The report measures coverage errors by this, and the solver corrects by it what it asks for. What says how good both are knows nothing
 of it: ``benchmarks/surface_metric.py`` has finite elements of its own, by SciPy.
-
-**Limitations**: Meshes that touch without sharing corners are measured as if they ended there.
 """
 
 from __future__ import annotations
@@ -38,6 +36,8 @@ MOST_PER_BODY = 8
 FEWEST = 400_000
 # Detail that is finer than this share of a spacing need not spread fast: bounds the number of polynomials where triangles are slivers.
 FINEST = 1.0 / 12.0
+# Sides that are no farther apart than this share of a spacing touch, as they do for the forces.
+NEAR = 0.02
 # Of slivers it may be this share, so that no larger share of the surface's area is too slow.
 SHORTEST = 1.0 / 100.0
 MOST_SLOWED = 0.01
@@ -105,6 +105,7 @@ class HeatMesh:
 
     Attributes:
         spacing: Mean spacing of so many bodies [m].
+        border: Length of all sides where heat ends [m].
     """
 
     def __init__(self, launcher: Launcher, surface: Surface, count: int) -> None:
@@ -112,19 +113,19 @@ class HeatMesh:
         self.spacing = math.sqrt(surface.area / count)
         small = max(MOST_PER_BODY * count, FEWEST)
         finest = self.spacing / PER_SPACING
-        typical = _typical_size(surface)
+        typical, near = _typical_size(surface), NEAR * self.spacing
         # Slivers are split along their length first: even parts of them would be far finer across than they are long.
-        self._triangles = split_triangles(surface, LONGER * max(typical, finest), small)
+        self._triangles = split_triangles(surface, LONGER * max(typical, finest), small, near)
         cuts = max(1, min(math.ceil(typical / finest), int(math.sqrt(small / len(self._triangles)))))
         most_slowed = MOST_SLOWED
         lowest, longer = SLIVER_OF_FEW if count <= FEW_BODIES else SLIVER, 0.0 if cuts > 1 else LONG * finest
         if small == FEWEST and self._triangles.beside_slivers(lowest, self.spacing, longer) > FEW_SLIVERS:
             # Even parts of a sliver lie in rows along it, so fine that heat is slowed across each; together they are a wall. Where
             # more triangles are needed they are left, as others take too long.
-            even = even_triangles(surface, finest, small)
+            even = even_triangles(surface, finest, small, near)
             if not even.is_whole:
                 self._triangles, cuts, most_slowed = even, 1, MOST_SLOWED_OF_SLIVERS
-        triangles = len(self._triangles)
+        triangles, self.border = len(self._triangles), self._triangles.border
         self._steps, self._pattern = _cut_evenly(cuts)
         self._cut, self._count = _vertices_of(launcher, self._triangles.sides, self._steps, self._pattern)
         n, corners = self._count, triangles * self._pattern.size

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +11,7 @@ from ..problem.sides import Sides, sides_of
 from ..problem.small_matrices import determinants, inverses
 from ..problem.surface import Surface
 from .flips import POINTS_AT_ONCE, Flips, cotangents, find_flips, laid_flat
+from .seams import PointsOnSides, merged_ends, points_on_sides
 
 __all__ = ["SplitTriangles", "even_triangles", "split_triangles"]
 
@@ -25,6 +26,8 @@ PLACES = np.concatenate([np.eye(3), 0.5 * (1.0 - np.eye(3))])
 PARTS_AROUND = 3
 # Where there would be too many triangles sides may be so much longer.
 LONGER = 1.5
+# A side is cut in four by each of so many passes at seams: at 4,000 points, and as many times the two others.
+MOST_SEAM_PASSES = 18
 
 
 class _Pass(NamedTuple):
@@ -105,6 +108,11 @@ class SplitTriangles:
         """Of the angles at their corners, shape ``[t, 3]``."""
         return cotangents(self.flat)
 
+    @property
+    def border(self) -> float:
+        """Length of all sides where the surface ends [m]."""
+        return float(_lengths(self).ravel()[self.sides.count[self.sides.number] == 1].sum())
+
     def points(self, triangle: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return triangles of the surface, and weights of their corners, of points given by triangles here and weights of theirs."""
         for step in reversed(self._steps):
@@ -150,7 +158,7 @@ class SplitTriangles:
         return SplitTriangles(flat, area, sides_of(vertex), self._wholes, (*self._steps, one))
 
 
-def split_triangles(surface: Surface, longest: float, most: int) -> SplitTriangles:
+def split_triangles(surface: Surface, longest: float, most: int, near: float = 0.0) -> SplitTriangles:
     """Split triangles until no side is longer than asked for.
 
     Neighbors are split at the same points, so that the parts have whole sides in common, as the triangles had. Whatever is large all
@@ -161,8 +169,9 @@ def split_triangles(surface: Surface, longest: float, most: int) -> SplitTriangl
         surface: The surface.
         longest: Length of a side [m].
         most: How many triangles there may be; sides may be longer where there would be more.
+        near: Sides that are no farther apart than this touch [m]; 0: those that are one.
     """
-    result = _whole(surface)
+    result = _whole(surface, near)
     while True:
         is_large = (_lengths(result) > longest).all(axis=1)
         # By its number, so that both triangles of a side agree on it.
@@ -185,12 +194,12 @@ def split_triangles(surface: Surface, longest: float, most: int) -> SplitTriangl
     return result if of_sides.max() == 1 else result._after(*_across(parts, result.sides))
 
 
-def even_triangles(surface: Surface, longest: float, most: int) -> SplitTriangles:
+def even_triangles(surface: Surface, longest: float, most: int, near: float = 0.0) -> SplitTriangles:
     """Make triangles nearly as long as they are wide, whatever those of the surface are like, with no side longer than asked for.
 
     The longest sides of triangles are halved, and sides turned, by turns. Arguments are those of :func:`split_triangles`.
     """
-    result = _whole(surface)
+    result = _whole(surface, near)
     while True:
         length, number = _lengths(result), result.sides.number.reshape(-1, 3)
         at, rows = length.argmax(axis=1), np.arange(len(length))
@@ -202,10 +211,52 @@ def even_triangles(surface: Surface, longest: float, most: int) -> SplitTriangle
         result = result._after(*_in_halves(halved, result.sides, is_halved)).delaunay()
 
 
-def _whole(surface: Surface) -> SplitTriangles:
-    """The triangles of a surface as they are."""
+def _whole(surface: Surface, near: float) -> SplitTriangles:
+    """The triangles of a surface as they are, but for sides that touch others: these have all ends in common."""
     corner = surface.position[surface.triangle]
-    return SplitTriangles(laid_flat(corner), surface.triangle_area, surface.sides, len(corner))
+    result = SplitTriangles(laid_flat(corner), surface.triangle_area, surface.sides, len(corner))
+    if near <= 0.0 or not (surface.sides.count == 1).any():
+        return result
+    place = np.zeros((int(surface.welded.max()) + 1, 3))
+    place[surface.welded] = corner
+    one = merged_ends(surface.sides, place, near)
+    if int(one.max()) + 1 < len(place):
+        place[one] = place.copy()
+        result = replace(result, sides=sides_of(one[surface.welded]))
+    for _ in range(MOST_SEAM_PASSES):
+        points = points_on_sides(result.sides, place, near)
+        if not len(points.side):
+            break
+        result = result._after(*_at_points(points, result.sides))
+    return result
+
+
+def _at_points(points: PointsOnSides, sides: Sides) -> tuple[_Pass, np.ndarray]:
+    """Cut triangles at points of a side each, three at most: the pass, and the parts' vertices."""
+    corner = _vertices(sides)
+    triangle = points.side // 3
+    of_first_side = points.side == points.side[np.searchsorted(triangle, triangle)]
+    first = np.searchsorted(points.side, points.side)
+    rank, count = np.arange(len(first)) - first, np.searchsorted(points.side, points.side, side="right") - first
+    # Of more, those at the quarters.
+    chosen = of_first_side & ((count <= 3) | (rank == count // 4) | (rank == count // 2) | (rank == 3 * count // 4))
+    pieces = np.bincount(triangle[chosen], minlength=len(corner)) + 1
+    first = np.cumsum(pieces) - pieces
+    weight = np.broadcast_to(np.eye(3), (int(pieces.sum()), 3, 3)).copy()
+    vertex = np.repeat(corner, pieces, axis=0)
+    cut, side = triangle[chosen], points.side[chosen]
+    # The side goes from the next corner to the next but one.
+    apex = side % 3
+    start, end = (apex + 1) % 3, (apex + 2) % 3
+    place = np.arange(len(cut)) - np.searchsorted(cut, cut)
+    at = np.zeros((len(cut), 3))
+    rows = np.arange(len(cut))
+    at[rows, start], at[rows, end] = 1.0 - points.along[chosen], points.along[chosen]
+    before, behind = first[cut] + place, first[cut] + place + 1
+    # What ends at a point, and what begins there.
+    weight[before, end], vertex[before, end] = at, points.vertex[chosen]
+    weight[behind, start], vertex[behind, start] = at, points.vertex[chosen]
+    return _Pass(first, pieces, weight, np.full(len(corner), -1)), vertex
 
 
 def _lengths(triangles: SplitTriangles) -> np.ndarray:

@@ -94,6 +94,8 @@ MOST_STRETCH = 30.0
 # polynomials than this: on some meshes full of slivers a correction would take as long as all steps.
 CORRECTED = (24, 50_000)
 MOST_POLYNOMIALS = 200
+# Borders are the same, but for what is merged at their ends.
+SAME_BORDER = 1.001
 
 
 class SurfaceDescent:
@@ -133,8 +135,9 @@ class SurfaceDescent:
         assert isinstance(surface, Surface)
         parts = joined_parts(launcher, surface, model.unit)
         self.facets = Facets(launcher, surface, model.unit, *parts)
-        # Heat ends where meshes only touch, and bodies would leave their seam for that.
-        self._has_seams = bool((surface.open_side & ~parts.open_side).any())
+        corner = surface.position[surface.triangle]
+        sides = np.linalg.norm(np.roll(corner, -2, axis=1) - np.roll(corner, -1, axis=1), axis=2)
+        self._border = float(sides[parts.open_side].sum())
         if shares is None:
             share = self._cut_by_detail()
         self.bodies = bodies_for_kernels(model, launcher)
@@ -242,9 +245,11 @@ class SurfaceDescent:
     def corrects_targets(self) -> bool:
         """Whether :meth:`correct_targets` is of use, and worth its time."""
         (fewest, most), count = CORRECTED, self.model.body_count
-        if self._has_seams or not fewest <= count <= most:
+        if not fewest <= count <= most:
             return False
-        return self.heat.of(count).polynomials(count) <= MOST_POLYNOMIALS
+        heat = self.heat.of(count)
+        # Where heat ends and the surface does not, bodies would leave the seam for that.
+        return heat.border <= SAME_BORDER * self._border and heat.polynomials(count) <= MOST_POLYNOMIALS
 
     def correct_targets(self) -> None:
         """Correct the targets by how dense bodies stand; see :mod:`.surface_target_correction`."""
