@@ -14,8 +14,6 @@ from ..problem.sides import Sides
 
 __all__ = ["PointsOnSides", "merged_ends", "points_on_sides"]
 
-# Steps in which it is looked along all sides, for every side there is: more would be of no use, on sides of very different lengths.
-STEPS_PER_SIDE = 8
 # Nothing is near that is farther away than this share of the length of a side.
 NEAR_FOR_LENGTH = 0.25
 # Places and points whose cells touch, looked at at once.
@@ -72,7 +70,8 @@ def points_on_sides(sides: Sides, place: np.ndarray, near: float) -> PointsOnSid
     start, end = sides.start[open_side], sides.end[open_side]
     way = place[end] - place[start]
     length = np.linalg.norm(way, axis=1)
-    step = max(float(length.mean()), float(length.sum()) / (STEPS_PER_SIDE * len(length)), 4.0 * near)
+    # So there are no more than two places for every side, whatever their lengths.
+    step = max(float(length.mean()), 4.0 * near)
     count = np.ceil(length / step).astype(np.int64).clip(1)
     number = np.repeat(np.arange(len(open_side)), count)
     within = (np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[number]
