@@ -89,9 +89,9 @@ MOST_MISSED = 0.0005
 # with 30, 0.84 and 0.82 with 20. In the plane such a step came in one of eight cases, and did no harm; lines and outlines that keep
 # apart need steps as long there (with 30 tests of both failed), and are left alone here, too.
 MOST_STRETCH = 30.0
-# Targets are corrected for so many bodies at least, and charges at most. Many more stand so densely that few folds are narrower than their spacing, and a correction
-# would take a tenth of the run; what a handful makes of its target is nothing to go by. Nor are they where heat spreads by more
-# polynomials than this: on some meshes full of slivers a correction would take as long as all steps.
+# Targets are corrected for so many bodies at least, and charges at most. Many more stand so densely that few folds are narrower than
+# their spacing, and a correction would take a tenth of the run; what a handful makes of its target is nothing to go by. Nor are they
+# where heat spreads by more polynomials than this: on some meshes full of slivers a correction would take as long as all steps.
 CORRECTED = (24, 50_000)
 MOST_POLYNOMIALS = 200
 # Borders are the same, but for what is merged at their ends.
