@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..problem.seams import PointsOnSides, merged_ends, points_on_sides
 from ..problem.sides import Sides, sides_of
 from ..problem.small_matrices import determinants, inverses
 from ..problem.surface import Surface
 from .flips import POINTS_AT_ONCE, Flips, cotangents, find_flips, laid_flat
-from .seams import PointsOnSides, merged_ends, points_on_sides
 
 __all__ = ["SplitTriangles", "even_triangles", "split_triangles"]
 

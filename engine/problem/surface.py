@@ -17,6 +17,7 @@ from . import validation
 from .connected import connected
 from .connected_triangles import parts_of
 from .inward_parts import has_inward_part
+from .seams import touching_sides
 from .settings import settle
 from .sides import Sides, sides_of
 from .smooth_normals import corner_normals, creased_sides, has_blunt_creases
@@ -26,6 +27,9 @@ __all__ = ["PointsOnSurface", "Surface", "SurfaceMesh"]
 
 # Vertices nearer than this share of the extent are one.
 WELDED = 2.0**-20
+# Corners that lie on sides of other triangles are no farther away than this share of the extent; looked for on so many sides at most.
+SEAM = 4.0 * WELDED
+MOST_OPEN_SIDES = 200_000
 # A triangle's height over its longest side, below which it has no area, and no normal that means anything.
 FLATTEST = 1e-7
 # Points that integrals over a surface are sampled at.
@@ -177,7 +181,7 @@ class Surface:
         kept, welded = kept[once], welded[once]
         triangle = triangle[kept]
         sides = sides_of(welded)
-        turned = _turned(sides)
+        turned = _turned(sides, _seams(welded, sides, position[triangle], SEAM * extent))
         if turned.any():
             welded = np.where(turned[:, None], welded[:, [0, 2, 1]], welded)
             sides = sides_of(welded)
@@ -450,14 +454,30 @@ def _first_of_their_place(welded: np.ndarray, mesh: np.ndarray) -> np.ndarray:
     return np.delete(np.arange(len(welded)), alike[again])
 
 
-def _turned(sides: Sides) -> np.ndarray:
-    """Which triangles look the other way than most of the sheet that they are in, shape ``[t]``."""
+def _seams(
+    welded: np.ndarray, sides: Sides, corner: np.ndarray, near: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What :func:`.touching_sides` finds, where there may be any and not so many that it takes long."""
+    count = int((sides.count == 1).sum())
+    if not 0 < count <= MOST_OPEN_SIDES:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, bool)
+    place = np.zeros((int(welded.max()) + 1, 3))
+    place[welded] = corner
+    return touching_sides(sides, place, near)
+
+
+def _turned(sides: Sides, seams: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
+    """Which triangles look the other way than most of the sheet that they are in, shape ``[t]``.
+
+    Sheets go on at ``seams``: a side, another one, and whether both run the same way.
+    """
     count = len(sides.number) // 3
     side, beside = sides.pairs()
     one, other = side // 3, beside // 3
     # Neighbors run along the side between them in opposite directions, or one of them is to be turned round.
     ahead = sides.start < sides.end
-    against = ahead[side] == ahead[beside]
+    against = np.concatenate([ahead[side] == ahead[beside], seams[2]])
+    one, other = np.concatenate([one, seams[0] // 3]), np.concatenate([other, seams[1] // 3])
     turned = np.zeros(count, bool)
     if not against.any():
         return turned

@@ -79,6 +79,34 @@ def test_extents_beyond_float32_are_refused(extent):
         Surface(SurfaceMesh(SQUARE * extent, HALVES))
 
 
+def sheet(across, along, low, high, tilt=0.0):
+    """A sheet of 1 m along y, between two places along x, that rises or folds back behind 0.5 m."""
+    x, y = np.meshgrid(np.linspace(low, high, across + 1), np.linspace(0.0, 1.0, along + 1), indexing="ij")
+    ahead = np.maximum(x - 0.5, 0.0)
+    corner = np.stack([(x - ahead + np.cos(tilt) * ahead).ravel(), y.ravel(), (np.sin(tilt) * ahead).ravel()], axis=1)
+    i, j = (index.ravel() for index in np.indices((across, along)))
+    one = i * (along + 1) + j
+    other = one + along + 1
+    return corner, np.concatenate(
+        [np.stack([one, other, other + 1], axis=1), np.stack([one, other + 1, one + 1], axis=1)]
+    )
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.5 * np.pi, -0.5 * np.pi])
+@pytest.mark.parametrize("along", [9, 17, 100])
+def test_meshes_that_touch_look_to_one_side(along, tilt):
+    """Whether their corners match or not: of the smaller ones all bodies were on the back."""
+    (vertices, triangles), other = sheet(4, 9, 0.0, 0.5), sheet(6, along, 0.5, 1.0, tilt)
+    surface = Surface([SurfaceMesh(vertices, triangles[:, ::-1]), SurfaceMesh(*other)])
+    assert np.flatnonzero(surface.turned).tolist() == list(range(len(triangles)))
+    assert not Surface([SurfaceMesh(vertices, triangles), SurfaceMesh(*other)]).turned.any()
+
+
+def test_what_lies_on_another_mesh_and_ends_where_it_does_looks_as_it_looked():
+    surface = Surface([SurfaceMesh(*sheet(4, 9, 0.0, 0.5)), SurfaceMesh(*sheet(6, 17, 0.5, 0.9, np.pi))])
+    assert not surface.turned.any()
+
+
 def test_triangles_that_look_the_other_way_than_most_are_turned_round():
     vertices, triangles = box()
     rng = np.random.default_rng(0)

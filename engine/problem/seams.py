@@ -1,6 +1,6 @@
 """Where triangles touch without sharing corners: ends of sides that lie within other sides, and ends that are nearly one.
 
-Tiles of a terrain, floors and walls, and what else was modeled by itself meet like that: the surface goes on there, and heat with it.
+Tiles of a terrain, floors and walls, and what else was modeled by itself meet like that: the surface goes on there.
 """
 
 from __future__ import annotations
@@ -9,13 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..problem.connected import connected
-from ..problem.sides import Sides
+from .connected import connected
+from .sides import Sides
+from .unit_vectors import unit_vectors
 
-__all__ = ["PointsOnSides", "merged_ends", "points_on_sides"]
+__all__ = ["PointsOnSides", "merged_ends", "points_on_sides", "touching_sides"]
 
 # Nothing is near that is farther away than this share of the length of a side.
 NEAR_FOR_LENGTH = 0.25
+# Of two triangles of which one lies on the other the cosine between the ways into both is larger: they are within 60 degrees.
+LIES_ON = 0.5
 # Places and points whose cells touch, looked at at once.
 PAIRS_AT_ONCE = 1 << 22
 
@@ -24,7 +27,7 @@ class PointsOnSides(NamedTuple):
     """Vertices that lie within open sides.
 
     Attributes:
-        side: Number of the side, as :class:`~esh.engine.problem.sides.Sides` has them, in rising order, shape ``[n]``.
+        side: Number of the side, as :class:`~.sides.Sides` has them, in rising order, shape ``[n]``.
         vertex: The vertex.
         along: Where it lies: 0 where the side starts, 1 where it ends; rising along each side.
     """
@@ -89,6 +92,43 @@ def points_on_sides(sides: Sides, place: np.ndarray, near: float) -> PointsOnSid
     side, vertex, along = (values[inside][first] for values in (side, vertex, along))
     order = np.lexsort([along, side])
     return PointsOnSides(open_side[side[order]], vertex[order], along[order])
+
+
+def touching_sides(sides: Sides, place: np.ndarray, near: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return open sides that lie on each other in part, and share no ends there: one, the other, and whether both run the same way.
+
+    Where more than two surfaces meet, and where one lies on the other, none is told.
+
+    Args:
+        sides: See :func:`merged_ends`, as the others.
+        place: See there.
+        near: See :func:`points_on_sides`.
+    """
+    points = points_on_sides(sides, place, near)
+    open_side = np.flatnonzero(sides.count[sides.number] == 1)
+    ends = np.concatenate([sides.start[open_side], sides.end[open_side]])
+    order = np.argsort(ends, kind="stable")
+    first, last = (np.searchsorted(ends[order], points.vertex, side=side) for side in ("left", "right"))
+    number = np.repeat(np.arange(len(first)), last - first)
+    at = np.arange(len(number)) - np.repeat(np.cumsum(last - first) - (last - first), last - first) + first[number]
+    one, other = points.side[number], np.tile(open_side, 2)[order[at]]
+    way = place[sides.end] - place[sides.start]
+    length = np.maximum(np.linalg.norm(way, axis=1), 1e-300)
+    cosine = np.einsum("nd,nd->n", way[one], way[other]) / (length[one] * length[other])
+    along = (1.0 - np.abs(cosine)) * length[other] <= near
+    number, one, other, cosine = number[along], one[along], other[along], cosine[along]
+    # One ahead and one behind, of the same surface.
+    clear = np.bincount(number, minlength=len(first))[number] <= 2
+    inward = [_inward(sides, place, way, side) for side in (one, other)]
+    clear &= np.einsum("nd,nd->n", *inward) < LIES_ON
+    return one[clear], other[clear], cosine[clear] > 0.0
+
+
+def _inward(sides: Sides, place: np.ndarray, way: np.ndarray, side: np.ndarray) -> np.ndarray:
+    """Which way triangles lie from some of their sides, of length 1, shape ``[n, 3]``."""
+    apex = sides.start[side - side % 3 + (side + 2) % 3]
+    up, along = place[apex] - place[sides.start[side]], unit_vectors(way[side])
+    return unit_vectors(up - along * np.einsum("nd,nd->n", up, along)[:, None])
 
 
 def _open_ends(sides: Sides) -> tuple[np.ndarray, np.ndarray]:
