@@ -134,10 +134,10 @@ class SurfaceDescent:
         surface = model.problem.domain
         assert isinstance(surface, Surface)
         parts = joined_parts(launcher, surface, model.unit)
-        self.facets = Facets(launcher, surface, model.unit, *parts)
+        self.facets = Facets(launcher, surface, model.unit, parts.label, parts.open_side, parts.relations, parts.part)
         corner = surface.position[surface.triangle]
         sides = np.linalg.norm(np.roll(corner, -2, axis=1) - np.roll(corner, -1, axis=1), axis=2)
-        self._border = float(sides[parts.open_side].sum())
+        self._border, self._continues = float(sides[parts.open_side].sum()), parts.continues
         if shares is None:
             share = self._cut_by_detail()
         self.bodies = bodies_for_kernels(model, launcher)
@@ -245,10 +245,10 @@ class SurfaceDescent:
     def corrects_targets(self) -> bool:
         """Whether :meth:`correct_targets` is of use, and worth its time."""
         (fewest, most), count = CORRECTED, self.model.body_count
-        if count < fewest or self.model.charge_count > most:
+        if count < fewest or self.model.charge_count > most or self._continues:
             return False
         heat = self.heat.of(count)
-        # Where heat ends and the surface does not, bodies would leave the seam for that.
+        # Where heat ends, or turns to a hidden face, and the surface does not, bodies would leave the seam for that.
         return heat.border <= SAME_BORDER * self._border and heat.polynomials(count) <= MOST_POLYNOMIALS
 
     def correct_targets(self) -> None:

@@ -42,12 +42,14 @@ class Parts(NamedTuple):
         open_side: Whether the surface ends at the side opposite of each corner, shape ``[t, 3]``.
         relations: Which labels stand on one another.
         part: Number of the part that each triangle is in, shape ``[t]``: parts that hold only a few bodies have one label.
+        continues: Whether parts go on on others across creases, as bricks do that stand side by side.
     """
 
     label: np.ndarray
     open_side: np.ndarray
     relations: Relations
     part: np.ndarray
+    continues: bool
 
 
 def joined_parts(launcher: Launcher, surface: Surface, unit: float) -> Parts:
@@ -75,7 +77,7 @@ def joined_parts(launcher: Launcher, surface: Surface, unit: float) -> Parts:
     pair = pair[~crumb[pair].any(axis=1)]
     known, label = np.unique(np.where(crumb[part], len(area), part), return_inverse=True)
     relations = Relations(np.searchsorted(known, pair), area[pair].min(axis=1, initial=np.inf), place)
-    return Parts(label.ravel(), open_side, relations, part)
+    return Parts(label.ravel(), open_side, relations, part, bool((continues & ~surface.open_side).any()))
 
 
 def _beyond(

@@ -8,6 +8,7 @@ from pathlib import Path
 import esh
 import numpy as np
 import pytest
+import trimesh
 import warp as wp
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
@@ -109,6 +110,22 @@ def test_where_heat_spreads_by_very_many_polynomials_nothing_is_corrected():
             go(solver)
             found.append(solver.placement().position)
     np.testing.assert_array_equal(*found)
+
+
+def bricks(shift):
+    """Two boxes that stand side by side."""
+    boxes = [trimesh.creation.box((1.0, 1.0, 1.0)).subdivide() for _ in range(2)]
+    return [
+        esh.SurfaceMesh(box.vertices + place, box.faces) for box, place in zip(boxes, ((0, 0, 0), shift), strict=True)
+    ]
+
+
+def test_what_goes_on_across_creases_of_closed_meshes_is_left_alone():
+    """Heat goes round to the faces between them instead: bodies would leave the seam for that."""
+    asked = [esh.BodyClass("a", [esh.Size("s", 1e-6, 600)])]
+    for parts, corrects in ((bricks((1.0, 0.3, 0.0)), False), (bricks((1.5, 0.0, 0.0)), True)):
+        with Solver(esh.Problem(esh.Surface(parts), asked), device="cpu") as solver:
+            assert solver.descent.corrects_targets is corrects
 
 
 def test_an_edit_leaves_corrected_what_was():

@@ -111,7 +111,7 @@ def test_who_stands_on_whom_is_told_pair_by_pair(meshes, pairs, turned):
 def test_where_a_box_stands_on_large_triangles_these_are_cut_into_small_tiles():
     surface = surface_of(STANDING["a box on the ground"][0], turned=False)
     unit = float(np.sqrt(surface.area / BODIES))
-    label, open_side, relations, _ = joined_parts(LAUNCHER, surface, unit)
+    label, open_side, relations, *_ = joined_parts(LAUNCHER, surface, unit)
     place = np.abs(relations.place * unit + 0.5 * (surface.low + surface.high))
     np.testing.assert_allclose(place[:, :2].max(axis=1), 0.5, atol=1e-9)
     facets, before = (
