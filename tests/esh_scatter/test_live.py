@@ -366,7 +366,7 @@ def test_a_report_that_is_being_made_does_not_hold_up_the_next_edit(scatter, fol
     measured, ended = live_worker.measure, []
     (one,) = live._followed.values()
 
-    def measure(placement, launcher):
+    def measure(placement, launcher, heat):
         launches = launcher.python_launches
         try:
             if not ended:
@@ -374,7 +374,7 @@ def test_a_report_that_is_being_made_does_not_hold_up_the_next_edit(scatter, fol
                 while True:
                     launcher.ask()
                     time.sleep(0.01)
-            return measured(placement, launcher)
+            return measured(placement, launcher, heat)
         finally:
             ended.append(launcher.python_launches - launches)
 
@@ -399,10 +399,10 @@ def test_what_was_asked_for_before_an_undo_is_not_shown_after_it(scatter, follow
     bpy.ops.ed.undo_push(message="live")
     measured, measuring, may_measure = live_worker.measure, threading.Event(), threading.Event()
 
-    def measure(placement, launcher):
+    def measure(placement, launcher, heat):
         measuring.set()
         assert may_measure.wait(30.0)
-        return measured(placement, launcher)
+        return measured(placement, launcher, heat)
 
     monkeypatch.setattr(live_worker, "measure", measure)
     scatter.classes["Pine"].sizes[0].count = 220
