@@ -266,7 +266,7 @@ class SurfaceDescent:
             if self._correction is None:
                 heat = self.heat.of(model.body_count)
                 self._correction = SurfaceTargetCorrection(
-                    model, self.launcher, self.facets, self.share, self.cascade, heat
+                    model, self.launcher, self.facets, self.share[0], self.cascade, heat
                 )
             self._correction.correct(self.charges)
 

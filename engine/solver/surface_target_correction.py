@@ -31,10 +31,10 @@ class SurfaceTargetCorrection:
     """Corrects the targets of a descent on a surface.
 
     Args:
-        model: What is placed.
+        model: What is placed, of one class.
         launcher: Where to run.
         facets: The surface.
-        share: Share of every class's density on every tile, shape ``[class_count, tile_count]``.
+        share: Share of the density of its only class on every tile, shape ``[tile_count]``.
         cascade: What follows it.
         heat: The surface, as heat spreads on it.
     """
@@ -45,16 +45,14 @@ class SurfaceTargetCorrection:
         self._launcher, self._facets, self._cascade, self._heat = launcher, facets, cascade, heat
         # What is fixed is a part of what is asked for.
         self._charge, self._number = model.charge.charge, model.body_count
-        amount = np.bincount(model.body.class_index[model.charge.body], self._charge, len(share))
-        self._total = float(amount.sum())
+        self._total = float(self._charge.sum())
         facet, weight = facets.tiles(np.arange(facets.count))
         tile = cascade.tile_of_nodes()
         self._nodes = heat.shared_out(*self._in_triangles(facet[tile], weight[tile]), np.ones(len(tile)))
-        wanted = amount / self._total @ share
-        if np.ptp(wanted / facets.tile_area) * facets.tile_area.sum() < SAME:
+        if np.ptp(share / facets.tile_area) * facets.tile_area.sum() < SAME:
             self._target = heat.target()
         else:
-            self._target = heat.charges(*self._in_triangles(facet, weight), wanted)
+            self._target = heat.charges(*self._in_triangles(facet, weight), share)
         self._best, self._done = (np.inf, cascade.scale), False
         # Over the mean density. Where there is less the surplus of single bodies would count as much as that of many.
         nothing = launcher.zeros(len(self._target), wp.float64)
