@@ -10,6 +10,7 @@ of it: ``benchmarks/surface_metric.py`` has finite elements of its own, by SciPy
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -193,7 +194,35 @@ class HeatMesh:
         Returns:
             What every vertex gets, ``wp.float64``.
         """
-        launcher, shares = self._launcher, self.shared_out(triangle, barycentric, charge)
+        return self._added(self.shared_out(triangle, barycentric, charge))
+
+    def charges_evenly(self, triangle: wp.array, barycentric: wp.array, charge: np.ndarray) -> wp.array:
+        """The same, and among the vertices across the sides of these, too: as widely wherever they lie.
+
+        By :meth:`charges` one in the middle of a small triangle is spread as far as its corners are, and one at a corner not at all.
+        Bodies that are made more even by that would follow the triangles.
+        """
+        launcher, count = self._launcher, len(charge)
+        shares = Shares(launcher.empty(6 * count, wp.int32), launcher.empty(6 * count, wp.float64))
+        inputs = [*self._located(triangle, barycentric), launcher.alike(charge, wp.float64), self._cut]
+        launcher.launch(kernels_heat.share_out_evenly, count, [*inputs, self._corners], [*shares])
+        return self._added(shares)
+
+    def area_evenly(self) -> wp.array:
+        """Share of the surface's area at every vertex, as :meth:`charges_evenly` shares out what is spread over it."""
+        launcher, count = self._launcher, len(self._triangles) * len(self._pattern)
+        shares = Shares(launcher.empty(6 * count, wp.int32), launcher.empty(6 * count, wp.float64))
+        launcher.launch(kernels_heat.share_out_area, count, [self._cut, self._corners], [*shares])
+        return self.mixed([self._added(shares)], [1.0 / self._surface.area])
+
+    @functools.cached_property
+    def _corners(self) -> kernels_heat.Stiffness:
+        """The triangles around every vertex. Only what is shared out evenly asks for them, so that reports need not hold them."""
+        return self._stiffness(len(self._triangles) * self._pattern.size)
+
+    def _added(self, shares: Shares) -> wp.array:
+        """What every vertex gets of shares."""
+        launcher = self._launcher
         sort = CellSort(launcher, len(shares.vertex), self._count)
         sort.sort(kernels_heat.find_shares, [shares.vertex])
         total = launcher.empty(self._count, wp.float64)
@@ -203,14 +232,17 @@ class HeatMesh:
     def shared_out(self, triangle: wp.array, barycentric: wp.array, charge: np.ndarray) -> Shares:
         """Which vertices get what of charges; arguments are those of :meth:`charges`."""
         launcher, count = self._launcher, len(charge)
-        if not self._triangles.is_whole:
-            place, weight = self._triangles.locate(triangle.numpy().astype(np.int64), barycentric.numpy())
-            triangle = launcher.array(place.astype(np.int32), wp.int32)
-            barycentric = launcher.array(weight, wp.vec3d)
         shares = Shares(launcher.empty(3 * count, wp.int32), launcher.empty(3 * count, wp.float64))
-        inputs = [triangle, barycentric, launcher.alike(charge, wp.float64), self._cut]
+        inputs = [*self._located(triangle, barycentric), launcher.alike(charge, wp.float64), self._cut]
         launcher.launch(kernels_heat.share_out, count, inputs, [*shares])
         return shares
+
+    def _located(self, triangle: wp.array, barycentric: wp.array) -> tuple[wp.array, wp.array]:
+        """Triangles of the mesh that points lie in, and weights of their corners, of points given by those of the surface."""
+        if self._triangles.is_whole:
+            return triangle, barycentric
+        place, weight = self._triangles.locate(triangle.numpy().astype(np.int64), barycentric.numpy())
+        return self._launcher.array(place.astype(np.int32), wp.int32), self._launcher.array(weight, wp.vec3d)
 
     def target(
         self, density: Callable[[PointsOnSurface], np.ndarray] | None = None, standing: np.ndarray | None = None

@@ -76,7 +76,7 @@ OVERFLOW = (
 )
 CLOSED = "this Solver has given its last placement, or was closed; make another one to go on"
 # After which shares of a run's steps targets on a surface are corrected, and the fewest steps of a run in which they are.
-CORRECTED_AFTER = (0.3, 0.5, 0.7, 0.85)
+CORRECTED_AFTER = (0.3, 0.5, 0.7, 0.85, 0.93)
 FEWEST_CORRECTED = 40
 # Steps after an edit, behind those in which bodies settle.
 EDIT_STEPS = 5
