@@ -8,8 +8,8 @@ wp.set_module_options({"enable_backward": False})
 
 # Of a vertex of triangles without an area.
 SMALLEST_MASS = wp.constant(wp.float64(1.0e-300))
-# Products of weights at the vertices across the sides of a small triangle: of even ones their determinant is 4, and what these vertices
-# get of a charge an eighth at most.
+# Products of weights at the vertices across the sides of a small triangle: of even ones their determinant is 4, and these vertices get
+# an eighth of a charge at most.
 LEAST_PRODUCTS = wp.constant(wp.float64(1.0e-3))
 MOST_ACROSS = wp.constant(wp.float64(0.5))
 

@@ -210,9 +210,11 @@ def place_on_tiles(
     rank: wp.array(dtype=wp.int32),
     identity: wp.array(dtype=wp.int32),
     class_index: wp.array(dtype=wp.int32),
-    group_count: wp.array(dtype=wp.int32),
     group_shift: wp.array(dtype=wp.float64),
     running: wp.array(dtype=wp.float64),
+    first_tile: wp.array(dtype=wp.int32),
+    first_rank: wp.array(dtype=wp.int32),
+    part_count: int,
     tile_count: int,
     facet_count: int,
     facets: Facets,
@@ -221,17 +223,35 @@ def place_on_tiles(
     facet: wp.array(dtype=wp.int32),
     weight: wp.array(dtype=wp.vec2),
 ):
-    """Put every body at an even step of the running sum of its class's density over the tiles, at random within its tile."""
+    """Put every body at an even step of the running sum of its class's density over the tiles, at random within its tile.
+
+    Parts between which bodies cannot move take whole numbers of them: those of a group from ``first_rank`` of a part to that of the
+    next one, on the tiles from ``first_tile`` on.
+    """
     i = first + wp.tid()
     g = group[i]
     state = wp.rand_init(seed, identity[i])
     along = group_shift[g] + wp.float64(0.5 * wp.randf(state))
-    step = (wp.float64(rank[i]) + along - wp.floor(along)) / wp.float64(group_count[g])
     base = class_index[i] * tile_count
-    wanted = step * running[base + tile_count - 1]
+    part = int(0)
+    last = part_count - 1
+    own_ranks = g * (part_count + 1)
+    while part < last:
+        middle = (part + last) / 2
+        if first_rank[own_ranks + middle + 1] > rank[i]:
+            last = middle
+        else:
+            part = middle + 1
+    begin = first_rank[own_ranks + part]
+    bodies = wp.float64(wp.max(first_rank[own_ranks + part + 1] - begin, 1))
+    before = wp.float64(0.0)
+    if first_tile[part] > 0:
+        before = running[base + first_tile[part] - 1]
+    step = (wp.float64(rank[i] - begin) + along - wp.floor(along)) / bodies
+    wanted = before + step * (running[base + first_tile[part + 1] - 1] - before)
     # The first tile whose sum is above what is wanted: one that is not empty.
-    low = int(0)
-    high = tile_count - 1
+    low = first_tile[part]
+    high = first_tile[part + 1] - 1
     while low < high:
         middle = (low + high) / 2
         if running[base + middle] > wanted:

@@ -32,7 +32,7 @@ from .carried_lines import carry_lines
 from .contact import keeps_apart
 from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels
 from .direction import ANY_STRETCH, Direction
-from .initial_placement import body_starts
+from .initial_placement import body_starts, first_ranks
 from .line_rules import first_length_factors
 from .model import Model
 from .surface_contact import SurfaceContact
@@ -583,9 +583,11 @@ class SurfaceDescent:
     def _first_state(self, share: np.ndarray) -> SurfaceState:
         model, launcher, device = self.model, self.launcher, self.launcher.device
         n = model.body_count
-        _, (_, group, rank, identity, count, shift), seed = body_starts(model, launcher)
+        count, (_, group, rank, identity, _, shift), seed = body_starts(model, launcher)
         facet, weight = launcher.empty(n, wp.int32), launcher.empty(n, wp.vec2)
         running = np.cumsum(share, axis=1)
+        first_tile = self.facets.first_tile_of_labels
+        first_rank = first_ranks(running[:, first_tile[1:] - 1][model.groups.class_index], count)
         launcher.launch(
             kernels_on_surface.place_on_tiles,
             n,
@@ -594,9 +596,11 @@ class SurfaceDescent:
                 rank,
                 identity,
                 self.bodies.support,
-                count,
                 shift,
                 wp.array(running.ravel(), dtype=wp.float64, device=device),
+                launcher.array(first_tile.astype(np.int32), wp.int32),
+                launcher.array(first_rank.ravel(), wp.int32),
+                len(first_tile) - 1,
                 self.facets.tile_count,
                 self.facets.count,
                 self.ground.facets,

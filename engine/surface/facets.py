@@ -129,6 +129,12 @@ class Facets:
         return len(self.triangle)
 
     @property
+    def first_tile_of_labels(self) -> np.ndarray:
+        """Number of the first tile of every label, and at the end of all, shape ``[label_count + 1]``."""
+        first = np.flatnonzero(np.diff(self.label, prepend=-1))
+        return self.first_tile[np.append(first, self.count)]
+
+    @property
     def tile_count(self) -> int:
         """Number of tiles of all facets."""
         return int(self.first_tile[-1])

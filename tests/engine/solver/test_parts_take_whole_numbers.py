@@ -1,0 +1,56 @@
+"""Bodies of each of several parts of a surface: those that none can leave for another have the right number from the start on."""
+
+import esh
+import numpy as np
+import pytest
+import trimesh
+from esh.engine.solver.initial_placement import first_ranks
+from esh.engine.solver.solver import Solver
+
+
+def spheres(radii, apart=3.0):
+    mesh = trimesh.creation.icosphere(2)
+    return esh.Surface(
+        [esh.SurfaceMesh(radius * mesh.vertices + [apart * k, 0, 0], mesh.faces) for k, radius in enumerate(radii)]
+    )
+
+
+def numbers(surface, asked, device):
+    """Bodies of every mesh at the start, shape ``[size, mesh]``."""
+    with Solver(asked, device=device) as solver:
+        placed = solver.placement()
+    sizes = int(placed.size_index.max()) + 1
+    return np.stack(
+        [np.bincount(placed.mesh[placed.size_index == k], minlength=len(surface.meshes)) for k in range(sizes)]
+    )
+
+
+@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda:0", marks=pytest.mark.cuda)])
+@pytest.mark.parametrize("seed", range(6))
+def test_every_part_has_its_share_but_for_rounding(seed, device):
+    surface = spheres([1.0, 1.0, 0.5, 2.0])
+    sizes = [esh.Size("a", 1e-4, 400), esh.Size("b", 2e-4, 91)]
+    found = numbers(surface, esh.Problem(surface, [esh.BodyClass("c", sizes)], seed=seed), device)
+    share = np.array([1.0, 1.0, 0.25, 4.0]) / 6.25
+    np.testing.assert_array_equal(found.sum(axis=1), [400, 91])
+    assert (np.abs(found - np.outer([400, 91], share)) < 1.0).all()
+
+
+def test_the_first_group_is_rounded_to_the_nearest_where_sums_are():
+    share = np.array([[114.13, 114.13, 3867.74]])
+    np.testing.assert_array_equal(first_ranks(share.cumsum(axis=1), np.array([4096])), [[0, 114, 228, 4096]])
+
+
+def test_of_many_like_parts_every_so_many_have_one_more():
+    """And not the first of them, nor the same ones of both groups."""
+    running = np.full((2, 100), 2.4).cumsum(axis=1)
+    number = np.diff(first_ranks(running, np.array([240, 240])))
+    assert set(number.ravel().tolist()) == {2, 3}
+    for one in number:
+        assert np.abs(one.cumsum() - running[0]).max() < 1.0
+    assert set(number.sum(axis=0).tolist()) <= {4, 5}
+
+
+def test_a_part_without_density_has_none():
+    running = np.array([[0.0, 3.0, 3.0, 10.0, 10.0]])
+    np.testing.assert_array_equal(first_ranks(running, np.array([7])), [[0, 0, 2, 2, 7, 7]])
