@@ -241,6 +241,8 @@ class HeatMesh:
         """Triangles of the mesh that points lie in, and weights of their corners, of points given by those of the surface."""
         if self._triangles.is_whole:
             return triangle, barycentric
+        # They may not have been sent.
+        self._launcher.send()
         place, weight = self._triangles.locate(triangle.numpy().astype(np.int64), barycentric.numpy())
         return self._launcher.array(place.astype(np.int32), wp.int32), self._launcher.array(weight, wp.vec3d)
 

@@ -88,7 +88,7 @@ def _coverage_errors(
         # Bodies come one class after the other.
         own = slice(int(last[k - 1]) if k else 0, int(last[k]))
         density = body_class.density_on if body_class.varies_on_surface else None
-        standing = bodies.triangle[own].numpy() if density is not None else None
+        standing = bodies.points.triangle[own] if density is not None else None
         targets.append(mesh.target(density, standing))
         charges.append(mesh.charges(bodies.triangle[own], bodies.barycentric[own], area[own]))
         totals.append(float(area[own].sum()))

@@ -348,3 +348,17 @@ def test_who_stands_beside_the_edge_of_a_density_is_as_close_as_the_others_there
         problem = Problem(surface, [BodyClass("a", [Size("s", 1e-4, 4)], own)])
         found.append(measure(replace(placed(surface, points), problem=problem), launcher).smallest_spacing)
     assert found[0] == pytest.approx(found[1] * np.sqrt(1.6 / 1.4), rel=0.02)
+
+
+@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda:0", marks=pytest.mark.cuda)])
+def test_the_report_after_a_run_is_that_of_the_placement_alone(device, launcher):
+    """Meshes that heat has spread on in the run are there already: nothing else makes a GPU take what bodies are known by before."""
+    parts = [meshes.square(12, (0.0, 0.5)), meshes.square(7, (0.5, 1.0))]
+    surface = Surface([SurfaceMesh(*part) for part in parts])
+    classes = [BodyClass("a", [Size("s", 1e-6, 600)], lambda points: 1.0 + points.position[:, 1])]
+    placement = solve(Problem(surface, classes), device=device)
+    report = placement.report
+    alone = measure(replace(placement, report=None), launcher)
+    assert report.coverage_error == pytest.approx(alone.coverage_error, rel=1e-3)
+    assert report.smallest_spacing == pytest.approx(alone.smallest_spacing, rel=1e-3)
+    assert report.coverage_error < 0.01
