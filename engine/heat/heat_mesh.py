@@ -10,10 +10,8 @@ of it: ``benchmarks/surface_metric.py`` has finite elements of its own, by SciPy
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 import warp as wp
@@ -21,13 +19,13 @@ import warp as wp
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..device.summaries import largest_by_kind, sum_of_squares
 from ..problem.of_bodies import of_all
-from ..problem.sides import Sides
 from ..problem.surface import PointsOnSurface, Surface
-from ..space.cell_sort import CellSort
 from . import kernels_heat
+from .cut_mesh import CutMesh, cut_evenly
+from .deposit import Deposit, Shares
 from .split_triangles import even_triangles, split_triangles
 
-__all__ = ["HeatMesh", "HeatMeshes", "Shares"]
+__all__ = ["HeatMesh", "HeatMeshes"]
 
 # Triangles along a mean spacing, how much longer sides may be than triangles are on average, and the most triangles that there may be:
 # for every body, and whatever the number of these.
@@ -70,13 +68,6 @@ VARIES = 0.2
 PRECISION = 1e-7
 
 
-class Shares(NamedTuple):
-    """What points share out: three vertices for each, ``wp.int32``, and what each of these gets, ``wp.float64``."""
-
-    vertex: wp.array
-    amount: wp.array
-
-
 class HeatMeshes:
     """The meshes of a surface for different numbers of bodies, each made when it is asked for.
 
@@ -107,6 +98,7 @@ class HeatMesh:
     Attributes:
         spacing: Mean spacing of so many bodies [m].
         border: Length of all sides where heat ends [m].
+        deposit: Shares charges out among its vertices.
     """
 
     def __init__(self, launcher: Launcher, surface: Surface, count: int) -> None:
@@ -116,23 +108,22 @@ class HeatMesh:
         finest = self.spacing / PER_SPACING
         typical, near = _typical_size(surface), NEAR * self.spacing
         # Slivers are split along their length first: even parts of them would be far finer across than they are long.
-        self._triangles = split_triangles(surface, LONGER * max(typical, finest), small, near)
-        cuts = max(1, min(math.ceil(typical / finest), int(math.sqrt(small / len(self._triangles)))))
+        triangles = split_triangles(surface, LONGER * max(typical, finest), small, near)
+        cuts = max(1, min(math.ceil(typical / finest), int(math.sqrt(small / len(triangles)))))
         most_slowed = MOST_SLOWED
         lowest, longer = SLIVER_OF_FEW if count <= FEW_BODIES else SLIVER, 0.0 if cuts > 1 else LONG * finest
-        if small == FEWEST and self._triangles.beside_slivers(lowest, self.spacing, longer) > FEW_SLIVERS:
+        if small == FEWEST and triangles.beside_slivers(lowest, self.spacing, longer) > FEW_SLIVERS:
             # Even parts of a sliver lie in rows along it, so fine that heat is slowed across each; together they are a wall. Where
             # more triangles are needed they are left, as others take too long.
             even = even_triangles(surface, finest, small, near)
             if not even.is_whole:
-                self._triangles, cuts, most_slowed = even, 1, MOST_SLOWED_OF_SLIVERS
-        triangles, self.border = len(self._triangles), self._triangles.border
-        self._steps, self._pattern = _cut_evenly(cuts)
-        self._cut, self._count = _vertices_of(launcher, self._triangles.sides, self._steps, self._pattern)
-        n, corners = self._count, triangles * self._pattern.size
-        stiffness = self._stiffness(corners)
+                triangles, cuts, most_slowed = even, 1, MOST_SLOWED_OF_SLIVERS
+        self.border = triangles.border
+        self._mesh = mesh = CutMesh(launcher, triangles, cuts)
+        self.deposit = Deposit(launcher, mesh, surface.area)
+        n, corners, stiffness = mesh.vertex_count, 3 * mesh.small_count, mesh.stiffness()
         self._area, self._root, rate, bound = (launcher.empty(n, wp.float64) for _ in range(4))
-        inputs = [self._cut, stiffness]
+        inputs = [mesh.cut, stiffness]
         launcher.launch(
             kernels_heat.sum_at_vertices, n, inputs, [self._area, self._root, rate], grain=GRAIN_OF_NEIGHBORS
         )
@@ -151,7 +142,7 @@ class HeatMesh:
 
     def _largest_of(self, values: wp.array) -> float:
         """The largest of numbers of all vertices."""
-        alike = self._launcher.alike(of_all(np.int32(0), self._count), wp.int32)
+        alike = self._launcher.alike(of_all(np.int32(0), self._mesh.vertex_count), wp.int32)
         return float(largest_by_kind(self._launcher, values, alike, 1)[0])
 
     def _fastest(self, rate: wp.array, most_slowed: float) -> float:
@@ -172,80 +163,6 @@ class HeatMesh:
         needed = values[order[min(int(np.searchsorted(share, most_slowed)), len(order) - 1)]]
         return float(np.clip(0.25 * needed, slowest, shortest))
 
-    def _stiffness(self, corners: int) -> kernels_heat.Stiffness:
-        """The Laplacian of so many corners of small triangles as kernels take it."""
-        launcher = self._launcher
-        stiffness = kernels_heat.Stiffness()
-        stiffness.cotangent = launcher.array(0.5 * self._triangles.cotangents, wp.vec3d)
-        stiffness.area = launcher.array(self._triangles.area / len(self._pattern) / 3.0, wp.float64)
-        sort = CellSort(launcher, corners, self._count)
-        sort.sort(kernels_heat.find_vertices, [self._cut])
-        stiffness.order, stiffness.start = sort.order, sort.cell_start
-        return stiffness
-
-    def charges(self, triangle: wp.array, barycentric: wp.array, charge: np.ndarray) -> wp.array:
-        """Charges at points of the surface, shared out among the corners of the small triangles that they lie in.
-
-        Args:
-            triangle: Triangles that they are on, ``wp.int32``, shape ``[n]``.
-            barycentric: Weights of the corners of these, ``wp.vec3d``.
-            charge: Shape ``[n]``.
-
-        Returns:
-            What every vertex gets, ``wp.float64``.
-        """
-        return self._added(self.shared_out(triangle, barycentric, charge))
-
-    def charges_evenly(self, triangle: wp.array, barycentric: wp.array, charge: np.ndarray) -> wp.array:
-        """The same, and among the vertices across the sides of these, too: as widely wherever they lie.
-
-        By :meth:`charges` one in the middle of a small triangle is spread as far as its corners are, and one at a corner not at all.
-        Bodies that are made more even by that would follow the triangles.
-        """
-        launcher, count = self._launcher, len(charge)
-        shares = Shares(launcher.empty(6 * count, wp.int32), launcher.empty(6 * count, wp.float64))
-        inputs = [*self._located(triangle, barycentric), launcher.alike(charge, wp.float64), self._cut]
-        launcher.launch(kernels_heat.share_out_evenly, count, [*inputs, self._corners], [*shares])
-        return self._added(shares)
-
-    def area_evenly(self) -> wp.array:
-        """Share of the surface's area at every vertex, as :meth:`charges_evenly` shares out what is spread over it."""
-        launcher, count = self._launcher, len(self._triangles) * len(self._pattern)
-        shares = Shares(launcher.empty(6 * count, wp.int32), launcher.empty(6 * count, wp.float64))
-        launcher.launch(kernels_heat.share_out_area, count, [self._cut, self._corners], [*shares])
-        return self.mixed([self._added(shares)], [1.0 / self._surface.area])
-
-    @functools.cached_property
-    def _corners(self) -> kernels_heat.Stiffness:
-        """The triangles around every vertex. Only what is shared out evenly asks for them, so that reports need not hold them."""
-        return self._stiffness(len(self._triangles) * self._pattern.size)
-
-    def _added(self, shares: Shares) -> wp.array:
-        """What every vertex gets of shares."""
-        launcher = self._launcher
-        sort = CellSort(launcher, len(shares.vertex), self._count)
-        sort.sort(kernels_heat.find_shares, [shares.vertex])
-        total = launcher.empty(self._count, wp.float64)
-        launcher.launch(kernels_heat.add_shares, self._count, [sort.cell_start, sort.order, shares.amount], [total])
-        return total
-
-    def shared_out(self, triangle: wp.array, barycentric: wp.array, charge: np.ndarray) -> Shares:
-        """Which vertices get what of charges; arguments are those of :meth:`charges`."""
-        launcher, count = self._launcher, len(charge)
-        shares = Shares(launcher.empty(3 * count, wp.int32), launcher.empty(3 * count, wp.float64))
-        inputs = [*self._located(triangle, barycentric), launcher.alike(charge, wp.float64), self._cut]
-        launcher.launch(kernels_heat.share_out, count, inputs, [*shares])
-        return shares
-
-    def _located(self, triangle: wp.array, barycentric: wp.array) -> tuple[wp.array, wp.array]:
-        """Triangles of the mesh that points lie in, and weights of their corners, of points given by those of the surface."""
-        if self._triangles.is_whole:
-            return triangle, barycentric
-        # They may not have been sent.
-        self._launcher.send()
-        place, weight = self._triangles.locate(triangle.numpy().astype(np.int64), barycentric.numpy())
-        return self._launcher.array(place.astype(np.int32), wp.int32), self._launcher.array(weight, wp.vec3d)
-
     def target(
         self, density: Callable[[PointsOnSurface], np.ndarray] | None = None, standing: np.ndarray | None = None
     ) -> wp.array:
@@ -257,8 +174,9 @@ class HeatMesh:
         """
         if density is None:
             return self.mixed([self._area], [1.0 / self._surface.area])
-        count, small = len(self._triangles), len(self._pattern)
-        share = np.zeros(self._count)
+        mesh = self._mesh
+        count, small = len(mesh.triangles), len(mesh.pattern)
+        share = np.zeros(mesh.vertex_count)
         cuts = _cuts_for(FEWEST_POINTS, count * small)
         # Where there are more points than would be asked for a second time, all count at once.
         is_coarse = _cuts_for(POINTS_WHERE_IT_VARIES, count * small) > cuts
@@ -283,19 +201,19 @@ class HeatMesh:
         ``leave`` is whether those are in which it varies, or is 0 where a body stands.
         """
         inner = _inner_points(cuts)
-        small, area = len(self._pattern), self._triangles.area
-        weight = (inner @ (self._steps[self._pattern] / self._cut.cuts)).reshape(-1, 3)
-        face = self._cut.vertex.numpy().reshape(len(area), -1)[:, self._pattern]
+        triangles, small, area = self._mesh.triangles, len(self._mesh.pattern), self._mesh.triangles.area
+        weight = (inner @ self._mesh.small_corners).reshape(-1, 3)
+        face = self._mesh.small_vertices
         stands = np.zeros(len(area), bool)
         if standing is not None:
-            stands = self._triangles.reach_into(standing)
+            stands = triangles.reach_into(standing)
         at_once = max(1, POINTS_AT_ONCE // len(weight))
         left = []
         for first in range(0, len(triangle), at_once):
             self._launcher.ask()
             own = triangle[first : first + at_once]
             points = self._surface.points(
-                *self._triangles.points(np.repeat(own, len(weight)), np.tile(weight, (len(own), 1)))
+                *triangles.points(np.repeat(own, len(weight)), np.tile(weight, (len(own), 1)))
             )
             values = density(points).reshape(len(own), -1)
             if leave:
@@ -309,9 +227,9 @@ class HeatMesh:
 
     def mixed(self, values: Sequence[wp.array], factors: Sequence[float]) -> wp.array:
         """Sum of numbers of all vertices, each times its factor."""
-        result = self._launcher.zeros(self._count, wp.float64)
+        result = self._launcher.zeros(self._mesh.vertex_count, wp.float64)
         for own, factor in zip(values, factors, strict=True):
-            self._launcher.launch(kernels_heat.add_times, self._count, [own, factor], [result])
+            self._launcher.launch(kernels_heat.add_times, self._mesh.vertex_count, [own, factor], [result])
         return result
 
     def polynomials(self, count: int, k: float = 1.0) -> int:
@@ -333,7 +251,7 @@ class HeatMesh:
         """How much denser than the target charges are at points, smoothed as in :meth:`error`, over the mean density.
 
         Args:
-            places: What points of charge 1 share out, see :meth:`shared_out`.
+            places: What points of charge 1 share out, see :meth:`~.deposit.Deposit.shared_out`.
             charges: See :meth:`error`, as the others.
             total: See there.
             target: See there.
@@ -361,7 +279,7 @@ class HeatMesh:
 
     def _spread(self, charges: wp.array, total: float, target: wp.array, time: float) -> wp.array:
         """What charges over their total, less a target, are after a time [m²]: densities times the roots of the masses, float."""
-        launch, n = self._launcher.launch, self._count
+        launch, n = self._launcher.launch, self._mesh.vertex_count
         half = 0.5 * time * self._largest
         coefficient = _chebyshev(half)
         scale = 2.0 / self._largest
@@ -393,71 +311,8 @@ def _cuts_for(points: int, triangles: int) -> int:
 
 def _inner_points(cuts: int) -> np.ndarray:
     """Points that stand for a triangle, three in each of those that it is cut into, by weights of its corners."""
-    steps, pattern = _cut_evenly(cuts)
+    steps, pattern = cut_evenly(cuts)
     return (INNER @ (steps[pattern] / cuts)).reshape(-1, 3)
-
-
-def _cut_evenly(cuts: int) -> tuple[np.ndarray, np.ndarray]:
-    """Where the vertices of a triangle lie whose sides are cut into so many parts, and which three of them every small one has.
-
-    Weights of the triangle's corners, whole numbers whose sum is ``cuts``, shape ``[p, 3]``; and places in that table, ``[cuts², 3]``.
-    """
-    place = np.array([(i, j) for j in range(cuts + 1) for i in range(cuts + 1 - j)])
-    number = {(i, j): k for k, (i, j) in enumerate(place.tolist())}
-    pattern = []
-    for j in range(cuts):
-        for i in range(cuts - j):
-            pattern.append((number[i, j], number[i + 1, j], number[i, j + 1]))
-            if i < cuts - j - 1:
-                pattern.append((number[i + 1, j + 1], number[i, j + 1], number[i + 1, j]))
-    return np.column_stack([cuts - place.sum(axis=1), place]), np.array(pattern)
-
-
-def _vertices_of(
-    launcher: Launcher, sides: Sides, steps: np.ndarray, pattern: np.ndarray
-) -> tuple[kernels_heat.Cut, int]:
-    """Number the vertices that triangles have when they are cut; those on shared corners and sides are one.
-
-    Args:
-        launcher: Where to run.
-        sides: The sides of the triangles.
-        steps: Where the vertices of each lie, see :func:`_cut_evenly`.
-        pattern: Which of them its small triangles have, see there.
-
-    Returns:
-        How the surface is cut, and how many vertices there are.
-    """
-    triangles, cuts, corner_count = len(sides.number) // 3, int(steps[0].sum()), int(sides.start.max()) + 1
-    # A side whose ends are one is a point, and has no number.
-    is_side = np.zeros(len(sides.count), bool)
-    is_side[sides.number[sides.start != sides.end]] = True
-    number = (np.cumsum(is_side) - 1)[sides.number]
-    side_count = int(is_side.sum())
-    of_triangles = kernels_heat.Sides()
-    of_triangles.start, of_triangles.end, of_triangles.number = (
-        launcher.array(values.astype(np.int32), wp.int32) for values in (sides.start, sides.end, number)
-    )
-    is_inner = (steps > 0).all(axis=1)
-    inner_count = int(is_inner.sum())
-    inner = np.where(is_inner, np.cumsum(is_inner) - 1, 0).astype(np.int32)
-    cut = kernels_heat.Cut()
-    cut.cuts, cut.places, cut.small = cuts, len(steps), len(pattern)
-    cut.pattern = launcher.array(pattern.astype(np.int32).ravel(), wp.int32)
-    cut.vertex = launcher.empty(triangles * len(steps), wp.int32)
-    launcher.launch(
-        kernels_heat.number_vertices,
-        triangles * len(steps),
-        [
-            launcher.array(steps.astype(np.int32), wp.vec3i),
-            of_triangles,
-            corner_count,
-            side_count,
-            launcher.array(inner, wp.int32),
-            inner_count,
-        ],
-        [cut.vertex],
-    )
-    return cut, corner_count + side_count * (cuts - 1) + triangles * inner_count
 
 
 def _chebyshev(half: float) -> np.ndarray:

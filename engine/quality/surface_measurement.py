@@ -90,11 +90,11 @@ def _coverage_errors(
         density = body_class.density_on if body_class.varies_on_surface else None
         standing = bodies.points.triangle[own] if density is not None else None
         targets.append(mesh.target(density, standing))
-        charges.append(mesh.charges(bodies.triangle[own], bodies.barycentric[own], area[own]))
+        charges.append(mesh.deposit.charges(bodies.triangle[own], bodies.barycentric[own], area[own]))
         totals.append(float(area[own].sum()))
         charge, target, coarser = charges[k], targets[k], meshes.of(_count_of_mesh(body_class.body_count, n))
         if coarser is not mesh:
-            charge = coarser.charges(bodies.triangle[own], bodies.barycentric[own], area[own])
+            charge = coarser.deposit.charges(bodies.triangle[own], bodies.barycentric[own], area[own])
             target = coarser.target(density, standing)
         errors.append(coarser.error(charge, totals[k], target, body_class.body_count))
 
@@ -102,7 +102,7 @@ def _coverage_errors(
         # On the mesh of all: where a class has another one, its bodies are few and their errors alike on both.
         own = slice(int(last[k - 1]) if k else 0, int(last[k]))
         charge = np.where(placement.fixed[own], area[own], 0.0)
-        fixed = mesh.charges(bodies.triangle[own], bodies.barycentric[own], charge)
+        fixed = mesh.deposit.charges(bodies.triangle[own], bodies.barycentric[own], charge)
         return mesh.excess(fixed, totals[k], targets[k], problem.classes[k].body_count)
 
     if len(errors) == 1:

@@ -48,11 +48,11 @@ class SurfaceTargetCorrection:
         self._total = float(self._charge.sum())
         facet, weight = facets.tiles(np.arange(facets.count))
         tile = cascade.tile_of_nodes()
-        self._nodes = heat.shared_out(*self._in_triangles(facet[tile], weight[tile]), np.ones(len(tile)))
+        self._nodes = heat.deposit.shared_out(*self._in_triangles(facet[tile], weight[tile]), np.ones(len(tile)))
         if np.ptp(share / facets.tile_area) * facets.tile_area.sum() < SAME:
-            self._target = heat.area_evenly()
+            self._target = heat.deposit.area_evenly()
         else:
-            self._target = heat.charges_evenly(*self._in_triangles(facet, weight), share)
+            self._target = heat.deposit.charges_evenly(*self._in_triangles(facet, weight), share)
         self._best, self._done = (np.inf, cascade.scale), False
         # Over the mean density. Where there is less the surplus of single bodies would count as much as that of many.
         nothing = launcher.zeros(len(self._target), wp.float64)
@@ -73,7 +73,7 @@ class SurfaceTargetCorrection:
         if self._done:
             return
         places = in_triangles(self._launcher, self._facets, charges.facet, charges.weight)
-        placed = self._heat.charges_evenly(*places, self._charge)
+        placed = self._heat.deposit.charges_evenly(*places, self._charge)
         surplus = self._heat.surplus_at(self._nodes, placed, self._total, self._target, self._number)
         # How uneven bodies are that have followed the targets as they are now.
         unevenness = float((surplus**2 * self._cascade.node_area.clip(min=0.0)).sum())

@@ -66,7 +66,7 @@ def errors(whole, place, ks=(1.0, 2.0)):
         heat = HeatMesh(launcher, whole, len(place))
         triangle, weight = nearest_on_triangles(whole.position[whole.triangle], place, np.zeros((len(place), 3)))[:2]
         on_device = [launcher.array(triangle.astype(np.int32), wp.int32), launcher.array(weight, wp.vec3d)]
-        charges = heat.charges(*on_device, np.ones(len(place)))
+        charges = heat.deposit.charges(*on_device, np.ones(len(place)))
         return [heat.error(charges, float(len(place)), heat.target(), len(place), k) for k in ks]
 
 

@@ -57,9 +57,9 @@ def test_charges_keep_their_moments(bend, cells, launcher):
         own = launcher.own_array(np.array([triangle], np.int32), wp.int32), launcher.own_array(weight[None], wp.vec3d)
         point = weight @ flat[surface.triangle[triangle]]
         wanted = moments(point[None], np.ones(1))
-        evenly = heat.charges_evenly(*own, np.ones(1)).numpy()
+        evenly = heat.deposit.charges_evenly(*own, np.ones(1)).numpy()
         np.testing.assert_allclose(moments(places, evenly), wanted, atol=1e-9)
-        plain = heat.charges(*own, np.ones(1)).numpy()
+        plain = heat.deposit.charges(*own, np.ones(1)).numpy()
         np.testing.assert_allclose(moments(places, plain)[:3], wanted[:3], atol=1e-9)
         assert moments(places, plain)[3:].sum() > wanted[3:].sum() + 1e-6
 
@@ -67,9 +67,9 @@ def test_charges_keep_their_moments(bend, cells, launcher):
 def vertex_places(heat, surface, flat):
     """Where the vertices of a mesh lie that is cut evenly, shape ``[n, 2]``."""
     corner = flat[surface.triangle]
-    steps = heat._steps / heat._steps[0].sum()
-    places = np.zeros((heat._count, 2))
-    places[heat._cut.vertex.numpy()] = np.einsum("pk,tkd->tpd", steps, corner).reshape(-1, 2)
+    mesh = heat._mesh
+    places = np.zeros((mesh.vertex_count, 2))
+    places[mesh.cut.vertex.numpy()] = np.einsum("pk,tkd->tpd", mesh.places, corner).reshape(-1, 2)
     return places
 
 
@@ -77,7 +77,7 @@ def vertex_places(heat, surface, flat):
 def test_areas_are_shared_out_as_charges_are_that_lie_all_over_them(cells, launcher):
     surface, _ = irregular(0.7, cells)
     heat = HeatMesh(launcher, surface, 40)
-    area = heat.area_evenly().numpy()
+    area = heat.deposit.area_evenly().numpy()
     assert area.sum() == pytest.approx(1.0)
     finer = 12
     place = np.array([(i, j) for j in range(finer) for i in range(finer - j)], float)
@@ -89,7 +89,7 @@ def test_areas_are_shared_out_as_charges_are_that_lie_all_over_them(cells, launc
     triangle = np.repeat(np.arange(count, dtype=np.int32), len(lattice))
     charge = np.repeat(surface.triangle_area / surface.area / len(lattice), len(lattice))
     own = launcher.own_array(triangle, wp.int32), launcher.own_array(np.tile(lattice, (count, 1)), wp.vec3d)
-    np.testing.assert_allclose(heat.charges_evenly(*own, charge).numpy(), area, rtol=1e-6)
+    np.testing.assert_allclose(heat.deposit.charges_evenly(*own, charge).numpy(), area, rtol=1e-6)
 
 
 def test_beside_slivers_and_borders_nothing_is_lost(launcher):
@@ -100,7 +100,7 @@ def test_beside_slivers_and_borders_nothing_is_lost(launcher):
     weight = np.random.default_rng(0).dirichlet(np.ones(3), 400)
     triangle = np.tile(np.arange(len(surface.triangle), dtype=np.int32), 100)
     own = launcher.own_array(triangle, wp.int32), launcher.own_array(weight, wp.vec3d)
-    shared = heat.charges_evenly(*own, np.ones(400)).numpy()
+    shared = heat.deposit.charges_evenly(*own, np.ones(400)).numpy()
     assert shared.sum() == pytest.approx(400.0)
     assert np.isfinite(shared).all()
     assert np.abs(shared).max() < 400.0

@@ -138,7 +138,7 @@ def errors(surface, place, ks):
     heat = HeatMesh(launcher, surface, len(place))
     points = nearest_on_triangles(surface.position[surface.triangle], place, np.zeros((len(place), 3)))
     on_device = [launcher.array(points[0].astype(np.int32), wp.int32), launcher.array(points[1], wp.vec3d)]
-    charges = heat.charges(*on_device, np.ones(len(place)))
+    charges = heat.deposit.charges(*on_device, np.ones(len(place)))
     return [heat.error(charges, float(len(place)), heat.target(), len(place), k) for k in ks]
 
 

@@ -77,7 +77,7 @@ def placed(surface, points, area=1e-4):
 def on_vertices(launcher, heat, points):
     """What the vertices get of bodies of charge 1."""
     triangle = launcher.array(points.triangle.astype(np.int32), wp.int32)
-    return heat.charges(triangle, launcher.array(points.barycentric, wp.vec3d), np.ones(len(points.triangle)))
+    return heat.deposit.charges(triangle, launcher.array(points.barycentric, wp.vec3d), np.ones(len(points.triangle)))
 
 
 @pytest.mark.parametrize("shape", ["torus", "rock"])
@@ -305,11 +305,11 @@ def test_every_vertex_of_a_cut_surface_is_one_place_and_each_place_one_vertex(la
     surface = Surface(SurfaceMesh(vertices, [[0, 1, 2], [0, 2, 3], [0, 3, 4], [4, 3, 5]]))
     assert len(surface.triangle) == 4
     heat = HeatMesh(launcher, surface, 500)
-    vertex = heat._cut.vertex.numpy().reshape(4, -1)
-    weight = heat._steps / heat._cut.cuts
+    vertex = heat._mesh.cut.vertex.numpy().reshape(4, -1)
+    weight = heat._mesh.places
     place = np.einsum("pk,tkd->tpd", weight, surface.position[surface.triangle])
-    assert heat._cut.cuts > 3
-    np.testing.assert_array_equal(np.unique(vertex), np.arange(heat._count))
+    assert heat._mesh.cut.cuts > 3
+    np.testing.assert_array_equal(np.unique(vertex), np.arange(heat._mesh.vertex_count))
     rounded = np.round(place[:3].reshape(-1, 3), 9)
     where, number = np.unique(rounded, axis=0, return_inverse=True)
     pairs = np.unique(np.stack([vertex[:3].ravel(), number.ravel()], axis=1), axis=0)

@@ -178,8 +178,8 @@ def test_the_surplus_of_one_body_is_a_gaussian():
         weights = launcher.array(np.full((len(middle), 3), 1.0 / 3.0), wp.vec3d)
         charge = np.zeros(len(middle))
         charge[start] = 2.0
-        places = heat.shared_out(triangles, weights, np.ones(len(middle)))
-        surplus = heat.surplus_at(places, heat.charges(triangles, weights, charge), 2.0, heat.target(), 400)
+        places = heat.deposit.shared_out(triangles, weights, np.ones(len(middle)))
+        surplus = heat.surplus_at(places, heat.deposit.charges(triangles, weights, charge), 2.0, heat.target(), 400)
     away = np.linalg.norm(middle - middle[start], axis=1)
     expected = np.exp(-0.5 * (away / 0.05) ** 2) / (2.0 * np.pi * 0.05**2) - 1.0
     np.testing.assert_allclose(surplus, expected, atol=0.03 * expected.max())
