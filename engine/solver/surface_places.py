@@ -182,7 +182,46 @@ def left_by_fixed(model: Model, facets: Facets, share: np.ndarray, spots: Spots)
         started[k] = share[k] * np.clip(1.0 - there / np.maximum(level * asked, 1e-300), 0.0, 1.0)[of_tile]
         if not started[k].any():
             started[k] = share[k]
+        started[k] = _left_in_parts(
+            facets.label[facet_of_tile],
+            facets.label[spots[0][own]],
+            share[k],
+            started[k],
+            charge[model.fixed][own] / total,
+        )
     return followed, started
+
+
+def _left_in_parts(
+    of_tile: np.ndarray, of_body: np.ndarray, share: np.ndarray, started: np.ndarray, there: np.ndarray
+) -> np.ndarray:
+    """Scale the share on which new bodies of a class start so that every part of a surface has what fixed ones leave of it.
+
+    In the cells of a full part there are by chance fewer than are asked for in some, and more in others: who started there could not
+    leave it.
+
+    Args:
+        of_tile: Label of every tile; none can go from one to another.
+        of_body: The same of every fixed body.
+        share: What is asked for on every tile.
+        started: What fixed bodies leave of it by cells.
+        there: Share of every fixed body of all charges.
+    """
+    count = int(of_tile.max()) + 1
+    if count == 1:
+        return started
+    asked, fixed, left = (
+        np.bincount(own, values, count) for own, values in ((of_tile, share), (of_body, there), (of_tile, started))
+    )
+    is_asked = asked > 0.0
+    level = water_level(asked[is_asked], fixed[is_asked], 1.0, 1.0)
+    wanted = np.where(is_asked, np.maximum(level * asked - fixed, 0.0), 0.0)
+    if not wanted.any():
+        return started
+    # Where cells leave nothing of a part that is to have more, these stand anywhere in it.
+    by_cells = left > 0.0
+    result = np.where(by_cells[of_tile], started, share)
+    return result * (wanted / np.maximum(np.where(by_cells, left, asked), 1e-300))[of_tile]
 
 
 def balls_of(model: Model, facets: Facets) -> np.ndarray:

@@ -54,3 +54,33 @@ def test_of_many_like_parts_every_so_many_have_one_more():
 def test_a_part_without_density_has_none():
     running = np.array([[0.0, 3.0, 3.0, 10.0, 10.0]])
     np.testing.assert_array_equal(first_ranks(running, np.array([7])), [[0, 0, 2, 2, 7, 7]])
+
+
+@pytest.mark.parametrize("pinned", [[0], [0, 3]])
+@pytest.mark.parametrize("include", [True, False])
+def test_a_part_that_fixed_bodies_fill_gets_no_more(pinned, include):
+    """By chance they leave room in some cells of it: 7 in 100 were put there, and could not leave."""
+    surface = spheres([1.0, 1.0, 0.5, 2.0])
+    classes = [esh.BodyClass("c", [esh.Size("s", 1e-4, 1000)])]
+    before = esh.solve(esh.Problem(surface, classes, seed=1), device="cpu")
+    own = np.isin(before.mesh, pinned)
+    fixed = esh.FixedBodies.of_placement(before, own)
+    asked = classes if include else [esh.BodyClass("c", [esh.Size("s", 1e-4, int((~own).sum()))])]
+    after = esh.solve(esh.Problem(surface, asked, fixed=fixed, include_fixed=include, seed=2), device="cpu")
+    count, wanted = (np.bincount(placement.mesh, minlength=4) for placement in (after, before))
+    np.testing.assert_array_equal(count[pinned], wanted[pinned])
+    assert np.abs(count - wanted).max() <= 1
+    assert after.report.coverage_error < 0.01
+    assert after.report.smallest_spacing > 0.7
+
+
+def test_new_bodies_make_up_for_what_fixed_ones_leave_of_every_part():
+    """One part has far more than it is asked for, another one a few, and what is left goes by what these are asked for."""
+    surface = spheres([1.0] * 4)
+    alone = esh.solve(esh.Problem(spheres([1.0]), [esh.BodyClass("c", [esh.Size("s", 1e-4, 400)])]), device="cpu")
+    few = esh.solve(esh.Problem(spheres([1.0]), [esh.BodyClass("c", [esh.Size("s", 1e-4, 60)])]), device="cpu")
+    position = np.concatenate([alone.position, few.position + [3.0, 0.0, 0.0]])
+    fixed = esh.FixedBodies(position=position, area=1e-4)
+    classes = [esh.BodyClass("c", [esh.Size("s", 1e-4, 1000)])]
+    placed = esh.solve(esh.Problem(surface, classes, fixed=fixed, include_fixed=True), device="cpu")
+    np.testing.assert_array_equal(np.bincount(placed.mesh), [400, 200, 200, 200])
