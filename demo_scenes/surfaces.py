@@ -26,6 +26,7 @@ import esh
 import numpy as np
 import surface_shapes as shapes
 from mathutils import Vector
+from mathutils.bvhtree import BVHTree
 from scene_parts import add_camera, collection, save, set_render
 from surface_materials import glossy, leafy, mottled, set_light
 
@@ -71,6 +72,16 @@ def _normals(item: bpy.types.Object) -> tuple[np.ndarray, np.ndarray]:
     item.data.vertex_normals.foreach_get("vector", normal.ravel())
     matrix = np.array(item.matrix_basis)
     return place @ matrix[:3, :3].T + matrix[:3, 3], normal @ matrix[:3, :3].T
+
+
+def _cut(item: bpy.types.Object, levels: int) -> None:
+    """Cut the faces of an object in four so many times, for vertices enough to hold a density."""
+    modifier = item.modifiers.new("Cuts", "SUBSURF")
+    modifier.subdivision_type, modifier.levels = "SIMPLE", levels
+    graph = bpy.context.evaluated_depsgraph_get()
+    mesh = bpy.data.meshes.new_from_object(item.evaluated_get(graph))
+    item.modifiers.clear()
+    item.data = mesh
 
 
 def _add_board_and_table() -> None:
@@ -337,20 +348,26 @@ def _boat_parts() -> list[bpy.types.Object]:
     blade = _object("Rudder", shapes.box((0.42, 0.05, 0.95)), paint, smooth=False)
     blade.location = (-0.5 * length - 0.16, 0.0, -0.35)
     targets = [body, keel, blade]
-    lift = draft + 0.52
+    # The keel stands on the blocks of the yard.
+    lift = draft + 0.5
     for item in targets:
         item.location.z += lift
-        if item != body:
-            # Enough vertices to hold a density.
-            modifier = item.modifiers.new("Cuts", "SUBSURF")
-            modifier.subdivision_type, modifier.levels, modifier.render_levels = "SIMPLE", 5, 5
-    bpy.context.view_layer.update()
+    for item in (keel, blade):
+        _cut(item, 5)
+    graph = bpy.context.evaluated_depsgraph_get()
+    hull = BVHTree.FromObject(body, graph)
     for item in targets:
         place, _ = _normals(item)
-        if item != body:
-            _values(item, "growth", np.full(len(place), 0.8))
-            continue
         depth = lift - place[:, 2]
+        if item != body:
+            # Nothing grows where the hull is.
+            nearest = [hull.find_nearest(Vector(at) - body.location)[:2] for at in place.tolist()]
+            outside = [
+                (Vector(at) - body.location - on).dot(out) > 0.0
+                for at, (on, out) in zip(place.tolist(), nearest, strict=True)
+            ]
+            _values(item, "growth", np.where(outside, 0.8 * np.clip(depth / 0.12 - 0.1, 0.0, 1.0), 0.0))
+            continue
         colony = np.clip(0.75 * shapes.waves(place, 1.1, 5) + 0.45, 0.0, 1.0)
         _values(item, "growth", np.clip(depth / 0.12 - 0.1, 0.0, 1.0) * (0.25 + colony))
         _values(

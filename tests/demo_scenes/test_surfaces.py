@@ -49,8 +49,8 @@ def test_a_scene_passes_its_own_checks(blender_module, monkeypatch, scene):
     for one in scattered:
         height = one.result.placement.position[:, 2]
         if scene == "boat":
-            # Below the edge of the paint, or on the rudder, whose head is above it.
-            assert height.max() < 1.27 and np.mean(height < 0.62 + 0.52 + 0.1) > 0.98
+            # What is asked for ends a little below the water line.
+            assert height.max() < 0.62 + 0.5
             assert set(np.unique(one.result.placement.mesh)) == {0}
         else:
             assert (one.result.placement.normal[:, 2] < 0.0).sum() < 0.3 * len(height)
