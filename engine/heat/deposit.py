@@ -64,10 +64,9 @@ class Deposit:
         """Share of the surface's area at every vertex, as :meth:`charges_evenly` shares out what is spread over it."""
         launcher, count = self._launcher, self._mesh.small_count
         shares = Shares(launcher.empty(6 * count, wp.int32), launcher.empty(6 * count, wp.float64))
-        launcher.launch(kernels_deposit.share_out_area, count, [self._mesh.cut, self._stiffness], [*shares])
-        total = self._added(shares)
-        launcher.launch(kernels_deposit.divide, len(total), [self._area], [total])
-        return total
+        inputs = [self._mesh.cut, self._stiffness, self._area]
+        launcher.launch(kernels_deposit.share_out_area, count, inputs, [*shares])
+        return self._added(shares)
 
     @functools.cached_property
     def _stiffness(self) -> kernels_cut_mesh.Stiffness:

@@ -187,23 +187,25 @@ def share_out_area(
     first: int,
     cut: Cut,
     stiffness: Stiffness,
+    whole: wp.float64,
     # outputs
     vertex: wp.array(dtype=wp.int32),
     amount: wp.array(dtype=wp.float64),
 ):
-    """Share out the area of every small triangle as :func:`share_out_evenly` does what is spread over it."""
+    """Share out the area of every small triangle, over the ``whole``, as :func:`share_out_evenly` does what is spread over it."""
     i = first + wp.tid()
     near = around(3 * i, cut, stiffness)
-    third = stiffness.area[i / cut.small]
     one = wp.float64(1.0)
+    # What is known of a small triangle is a third of its area.
+    area = wp.float64(3.0) * stiffness.area[i / cut.small] / whole
     # The mean of a product of two weights is a twelfth.
     share = share_across(wp.vec3d(one / wp.float64(12.0)), near)
     left = wp.vec3d(one / wp.float64(3.0)) - share @ near.place
     for k in range(3):
         vertex[6 * i + k] = vertex_at(3 * i + k, cut)
         vertex[6 * i + 3 + k] = near.vertex[k]
-        amount[6 * i + k] = wp.float64(3.0) * third * left[k]
-        amount[6 * i + 3 + k] = wp.float64(3.0) * third * share[k]
+        amount[6 * i + k] = area * left[k]
+        amount[6 * i + 3 + k] = area * share[k]
 
 
 @wp.kernel
@@ -235,14 +237,3 @@ def add_shares(
     for s in range(start[i], start[i + 1]):
         found += amount[order[s]]
     total[i] = found
-
-
-@wp.kernel
-def divide(
-    first: int,
-    divisor: wp.float64,
-    # outputs
-    values: wp.array(dtype=wp.float64),
-):
-    i = first + wp.tid()
-    values[i] = values[i] / divisor
