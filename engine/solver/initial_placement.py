@@ -24,7 +24,7 @@ from .attraction import vacancy
 from .model import Model
 from .spatial_order import order_of_groups
 
-__all__ = ["Pyramids", "body_starts", "first_pose", "first_ranks", "initial_placement"]
+__all__ = ["Pyramids", "body_starts", "first_pose", "initial_placement"]
 
 # Cells per body, and the finest curve (2^12 cells a side): cells smaller than a spacing are what makes the start even.
 CELLS_PER_BODY = 8
@@ -140,23 +140,6 @@ def body_starts(model: Model, launcher: Launcher, start: int = 0) -> tuple[np.nd
         launcher.array(shift, wp.float64),
     ]
     return count, of_bodies, seed
-
-
-def first_ranks(running: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Share out the bodies of groups among parts that none can leave: whole numbers, as near to what is asked for as their sums are.
-
-    Args:
-        running: Of every group, what is asked for up to the end of each part, shape ``[group_count, part_count]``.
-        count: Bodies of every group.
-
-    Returns:
-        The first body of a group that each part takes, and at the end of all, int32, shape ``[group_count, part_count + 1]``.
-    """
-    # Of parts that are to have as many and a half one takes more and the next one less, and of another group it is the other one.
-    rounding = (0.5 + GOLDEN * np.arange(len(count)))[:, None] % 1.0
-    share = running / running[:, -1:]
-    last = np.floor(share * count[:, None] + rounding).clip(max=count[:, None])
-    return np.concatenate([np.zeros((len(count), 1)), last], axis=1).astype(np.int32)
 
 
 def initial_placement(problem: Problem) -> np.ndarray:

@@ -20,13 +20,21 @@ from ..surface.kernels_facets import (
     without_outward,
 )
 from .kernels_descent import PINNED, Bodies, squared_residual
-from .kernels_direction import Sums, add_all
+from .kernels_direction import FIRST_SHARE, Sums, add_all
 from .kernels_obstacles import OutlinesOnGround, inside_outlines
 
 wp.set_module_options({"enable_backward": False})
 
 # By this share of its depth a body must be less deep in an obstacle than before, and so much farther it goes than to the edge.
 LESS_DEEP = wp.constant(0.01)
+# Crumbs are parts of the surface for a few bodies each. What stands on them may be asked to go round them for ever, as few of them
+# have the number that is asked for: in the sums over all bodies that would outweigh everything else. So each goes by its own forces,
+# and by this share of its last way; in a step at most this share of the longest one, and in all so many longest ones. Measured on a
+# ball with 40 balls of a fifth of a body each beside it: smallest spacings on the large one are 0.66 instead of 0.34 to 0.63, and it
+# settles. On 200 cards for seven bodies each, and nothing else, they are as even as by the sums with a half, a tenth closer with 0.
+CRUMB_MEMORY = wp.constant(0.5)
+CRUMB_STEP = wp.constant(0.3)
+CRUMB_WAY = wp.constant(4.0)
 
 
 @wp.struct
@@ -35,7 +43,7 @@ class Ground:
 
     Facets; the home node of every tile; on which tiles bodies of a class may be, class after class; and for every node how far bodies
     may move in a step and, group after group, the inverse of the energy's curvature. Balls that bodies keep out of, center and radius,
-    and obstacles that are outlines; and by how much more every body keeps off balls, and off outlines.
+    and obstacles that are outlines; and by how much more every body keeps off balls, and off outlines. The label of crumbs, or -1.
     """
 
     facets: Facets
@@ -49,6 +57,7 @@ class Ground:
     balls: wp.array(dtype=wp.vec4)
     clear: wp.array(dtype=wp.vec2)
     outlines: OutlinesOnGround
+    crumbs: wp.int32
 
 
 @wp.struct
@@ -82,7 +91,8 @@ class Poses:
 class Motion:
     """Of every body: what the last step changed of its position, the move that the forces ask for, and what that changed by.
 
-    And the same of a line's angle and length: ``turned``, ``turn``, ``turn_change``.
+    And the same of a line's angle and length: ``turned``, ``turn``, ``turn_change``. Of a dot on a crumb the second number of
+    ``turned`` is how far it has come.
     """
 
     displacement: wp.array(dtype=wp.vec3)
@@ -296,6 +306,21 @@ def put_charge(j: int, facet: int, weight: wp.vec2, ground: Ground, charges: Cha
     charges.home[j] = ground.home[tile_of(facet, weight, ground.facets)]
 
 
+@wp.func
+def is_crumb(facet: int, ground: Ground):
+    return ground.crumbs >= 0 and ground.facets.label[facet] == ground.crumbs
+
+
+@wp.func
+def way_on_crumb(i: int, limit: float, motion: Motion):
+    """The next way of dot ``i`` by its own forces, at a place where no step is longer than ``limit``."""
+    come = motion.turned[i][1]
+    asked = FIRST_SHARE * motion.move[i] + CRUMB_MEMORY * motion.displacement[i]
+    way = shortened(asked, wp.clamp(CRUMB_WAY * limit - come, 0.0, CRUMB_STEP * limit))
+    motion.turned[i] = wp.vec2(motion.turned[i][0], come + wp.length(way))
+    return way
+
+
 @wp.kernel
 def propose_dots(
     first: int,
@@ -324,7 +349,12 @@ def propose_dots(
     motion.move[i] = new
     motion.change[i] = changed
     weight = bodies.charge[j] / length
-    rest = squared_residual(wp.length_sq(new), wp.length_sq(way), limit, in_contact)
+    # Whoever rests has settled, there as in contact.
+    may_rest = in_contact
+    if is_crumb(charges.facet[j], ground):
+        weight = 0.0
+        may_rest = 1
+    rest = squared_residual(wp.length_sq(new), wp.length_sq(way), limit, may_rest)
     add_all(
         sums,
         thread,
@@ -364,8 +394,13 @@ def move_dots(
     if bodies.kind[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
         return
     j = bodies.first_charge[i]
-    d = direction[0] * motion.move[i] + direction[1] * motion.displacement[i] + direction[2] * motion.change[i]
-    way = shortened(d, ground.step_limit[charges.home[j]])
+    limit = ground.step_limit[charges.home[j]]
+    way = wp.vec3()
+    if is_crumb(poses.facet[i], ground):
+        way = way_on_crumb(i, limit, motion)
+    else:
+        d = direction[0] * motion.move[i] + direction[1] * motion.displacement[i] + direction[2] * motion.change[i]
+        way = shortened(d, limit)
     old = charges.points.position[j]
     normal = ground.facets.normal[poses.facet[i]]
     new = walk(poses.facet[i], poses.weight[i], way, i, bodies.support[i], ground)

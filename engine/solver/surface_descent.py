@@ -32,9 +32,10 @@ from .carried_lines import carry_lines
 from .contact import keeps_apart
 from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels
 from .direction import ANY_STRETCH, Direction
-from .initial_placement import body_starts, first_ranks
+from .initial_placement import body_starts
 from .line_rules import first_length_factors
 from .model import Model
+from .numbers_of_parts import first_ranks, first_ranks_among_crumbs
 from .surface_contact import SurfaceContact
 from .surface_correlation import correlation_potential
 from .surface_line_rules import SurfaceLineRules
@@ -142,7 +143,7 @@ class SurfaceDescent:
         self.facets = Facets(launcher, surface, model.unit, parts.label, parts.open_side, parts.relations, parts.part)
         corner = surface.position[surface.triangle]
         sides = np.linalg.norm(np.roll(corner, -2, axis=1) - np.roll(corner, -1, axis=1), axis=2)
-        self._border, self._continues = float(sides[parts.open_side].sum()), parts.continues
+        self._border, self._continues, self._crumbs = float(sides[parts.open_side].sum()), parts.continues, parts.crumbs
         if shares is None:
             share = self._cut_by_detail()
         self.bodies = bodies_for_kernels(model, launcher)
@@ -500,6 +501,7 @@ class SurfaceDescent:
         ground.ball_count = len(self._balls)
         ground.balls = wp.array(self._balls.astype(np.float32), dtype=wp.vec4, device=device)
         ground.clear = wp.array(np.column_stack([self._clear, rooms(model)]), dtype=wp.vec2, device=device)
+        ground.crumbs = self._crumbs
         ground.outlines = outlines_on_ground(self.launcher, model, self.facets)
         return ground
 
@@ -580,14 +582,43 @@ class SurfaceDescent:
         self.state.facet.assign(facet)
         self.state.weight.assign(weight)
 
+    def _shared_out_among_parts(self, running: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the first tile of every part, and at the end of all, and the first body of every group on it.
+
+        Shapes ``[part_count + 1]`` and ``[group_count, part_count + 1]``.
+
+        Args:
+            running: Sums of the classes' shares over tiles, shape ``[class_count, tile_count]``.
+            count: Bodies of every group that are not fixed.
+        """
+        facets, model = self.facets, self.model
+
+        def ends(number: np.ndarray) -> np.ndarray:
+            return facets.first_tile[np.append(np.flatnonzero(np.diff(number, prepend=-1)), facets.count)]
+
+        def up_to(tiles: np.ndarray) -> np.ndarray:
+            return np.where(tiles > 0, running[:, np.maximum(tiles, 1) - 1], 0.0)[model.groups.class_index]
+
+        of_labels = ends(facets.label)
+        rank = first_ranks(up_to(of_labels[1:]), count)
+        if self._crumbs < 0:
+            return of_labels, rank
+        k = int(np.flatnonzero(facets.label[np.flatnonzero(np.diff(facets.label, prepend=-1))] == self._crumbs)[0])
+        of_parts = ends(facets.part)
+        inner = of_parts[(of_parts >= of_labels[k]) & (of_parts <= of_labels[k + 1])]
+        chance = np.random.default_rng([model.problem.seed, 13]).random()
+        within = up_to(inner[1:]) - up_to(inner[:1])
+        among = first_ranks_among_crumbs(within, rank[:, k + 1] - rank[:, k], chance)
+        tile = np.concatenate([of_labels[:k], inner, of_labels[k + 2 :]])
+        return tile, np.concatenate([rank[:, :k], rank[:, k : k + 1] + among, rank[:, k + 2 :]], axis=1)
+
     def _first_state(self, share: np.ndarray) -> SurfaceState:
         model, launcher, device = self.model, self.launcher, self.launcher.device
         n = model.body_count
         count, (_, group, rank, identity, _, shift), seed = body_starts(model, launcher)
         facet, weight = launcher.empty(n, wp.int32), launcher.empty(n, wp.vec2)
         running = np.cumsum(share, axis=1)
-        first_tile = self.facets.first_tile_of_labels
-        first_rank = first_ranks(running[:, first_tile[1:] - 1][model.groups.class_index], count)
+        first_tile, first_rank = self._shared_out_among_parts(running, count)
         launcher.launch(
             kernels_on_surface.place_on_tiles,
             n,

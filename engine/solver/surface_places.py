@@ -183,8 +183,8 @@ def left_by_fixed(model: Model, facets: Facets, share: np.ndarray, spots: Spots)
         if not started[k].any():
             started[k] = share[k]
         started[k] = _left_in_parts(
-            facets.label[facet_of_tile],
-            facets.label[spots[0][own]],
+            facets.part[facet_of_tile],
+            facets.part[spots[0][own]],
             share[k],
             started[k],
             charge[model.fixed][own] / total,
@@ -201,7 +201,7 @@ def _left_in_parts(
     leave it.
 
     Args:
-        of_tile: Label of every tile; none can go from one to another.
+        of_tile: Part of every tile; none can go from one to another.
         of_body: The same of every fixed body.
         share: What is asked for on every tile.
         started: What fixed bodies leave of it by cells.

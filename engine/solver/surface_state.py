@@ -27,7 +27,8 @@ class SurfaceState(StateArrays):
         bend: How far every charge stands beside its body's axis, float, shape ``[charge_count]``.
         heading: How every outline is turned [rad], float: from the direction along the surface that is nearest to x (to y where it
             looks along x), of a line from its axis.
-        turned: What the last step changed of angle and length, ``wp.vec2``.
+        turned: What the last step changed of a line's angle and length, ``wp.vec2``; of a dot on a crumb the second number is how far
+            it has come.
         turn: What the forces asked to change of them, ``wp.vec2``.
         length_factor: What makes up for the pressure of the charges in the length of every kind of line, float.
         steps: Steps taken, shape ``[1]``, int32, on the host.

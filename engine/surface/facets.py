@@ -56,6 +56,7 @@ class Facets:
         triangle: Triangle of the surface that each is part of, shape ``[f]``.
         area: Shape ``[f]``.
         label: Shape ``[f]``.
+        part: Number of the part that each is in, shape ``[f]``.
         relations: Which labels stand on one another.
         cuts: Tiles along every side of a facet, which has ``cuts²`` tiles, shape ``[f]``.
         first_tile: Number of the first tile of every facet, and at the end of all, shape ``[f + 1]``.
@@ -86,6 +87,7 @@ class Facets:
         launcher.launch(kernels_cut.describe, count, inputs, [self.on_device, self._described])
         self.triangle = self.on_device.triangle.numpy()
         self.label, self.area = label[self.triangle], self._described.area.numpy()
+        self.part = self.label if part is None else part[self.triangle]
         longest, at_bend = self._described.longest.numpy(), self._at_bend() | self._at_foot()
         fine = float(((longest[at_bend] / TILE_AT_BEND + 1.0) ** 2).sum())
         tile = np.where(at_bend, min(TILE_AT_BEND * max(math.sqrt(fine / MOST_AT_BENDS), 1.0), TILE), TILE)
@@ -127,12 +129,6 @@ class Facets:
     def count(self) -> int:
         """Number of facets."""
         return len(self.triangle)
-
-    @property
-    def first_tile_of_labels(self) -> np.ndarray:
-        """Number of the first tile of every label, and at the end of all, shape ``[label_count + 1]``."""
-        first = np.flatnonzero(np.diff(self.label, prepend=-1))
-        return self.first_tile[np.append(first, self.count)]
 
     @property
     def tile_count(self) -> int:

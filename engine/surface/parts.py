@@ -43,6 +43,7 @@ class Parts(NamedTuple):
         relations: Which labels stand on one another.
         part: Number of the part that each triangle is in, shape ``[t]``: parts that hold only a few bodies have one label.
         continues: Whether parts go on on others across creases, as bricks do that stand side by side.
+        crumbs: Label of the parts that hold only a few bodies, where a surface has several parts; -1 for none.
     """
 
     label: np.ndarray
@@ -50,6 +51,7 @@ class Parts(NamedTuple):
     relations: Relations
     part: np.ndarray
     continues: bool
+    crumbs: int
 
 
 def joined_parts(launcher: Launcher, surface: Surface, unit: float) -> Parts:
@@ -77,7 +79,9 @@ def joined_parts(launcher: Launcher, surface: Surface, unit: float) -> Parts:
     pair = pair[~crumb[pair].any(axis=1)]
     known, label = np.unique(np.where(crumb[part], len(area), part), return_inverse=True)
     relations = Relations(np.searchsorted(known, pair), area[pair].min(axis=1, initial=np.inf), place)
-    return Parts(label.ravel(), open_side, relations, part, bool((continues & ~surface.open_side).any()))
+    continued = bool((continues & ~surface.open_side).any())
+    crumbs = len(known) - 1 if crumb.any() and len(area) > 1 else -1
+    return Parts(label.ravel(), open_side, relations, part, continued, crumbs)
 
 
 def _beyond(
