@@ -34,6 +34,8 @@ MOST_OPEN_SIDES = 200_000
 FLATTEST = 1e-7
 # Points that integrals over a surface are sampled at.
 SAMPLES = 1 << 16
+# Triangles look to the same side where the cosine between their normals is larger.
+SAME_PLANE = 1.0 - 1e-6
 # Make one number of three vertices and a mesh.
 HASH = np.array([1, 1_000_000_007, 998_244_353_000_003, 7_777_777_777_777_777])
 EXTENT_KEY = "the surface's extent"
@@ -179,14 +181,13 @@ class Surface:
             welded, np.repeat(np.arange(len(meshes)), [len(m.triangles) for m in meshes])[kept]
         )
         kept, welded = kept[once], welded[once]
-        triangle = triangle[kept]
+        triangle, normal = triangle[kept], cross[kept] / length[kept, None]
         sides = sides_of(welded)
-        turned = _turned(sides, _seams(welded, sides, position[triangle], SEAM * extent))
+        turned = _turned(sides, normal, _seams(welded, sides, position[triangle], SEAM * extent))
         if turned.any():
             welded = np.where(turned[:, None], welded[:, [0, 2, 1]], welded)
             sides = sides_of(welded)
         triangle = np.where(turned[:, None], triangle[:, [0, 2, 1]], triangle)
-        normal = cross[kept] / length[kept, None]
         values = {
             "meshes": meshes,
             "position": position,
@@ -226,6 +227,12 @@ class Surface:
     def looks_inwards(self) -> bool:
         """Whether a closed part looks to its inside, as a mesh does that is inside out."""
         return has_inward_part(self.position[self.triangle], self.part, self.sides)
+
+    @cached_property
+    def repeated(self) -> int:
+        """Number of triangles that lie in the place of one of another mesh, and look to the same side."""
+        mesh = np.zeros(len(self.welded), np.int64)
+        return 0 if len(self._first_triangles) == 2 else len(mesh) - len(_first_of_their_place(self.welded, mesh))
 
     @cached_property
     def low(self) -> np.ndarray:
@@ -466,17 +473,20 @@ def _seams(
     return touching_sides(sides, place, near)
 
 
-def _turned(sides: Sides, seams: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
+def _turned(sides: Sides, normal: np.ndarray, seams: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
     """Which triangles look the other way than most of the sheet that they are in, shape ``[t]``.
 
     Sheets go on at ``seams``: a side, another one, and whether both run the same way.
     """
     count = len(sides.number) // 3
     side, beside = sides.pairs()
-    one, other = side // 3, beside // 3
     # Neighbors run along the side between them in opposite directions, or one of them is to be turned round.
     ahead = sides.start < sides.end
-    against = np.concatenate([ahead[side] == ahead[beside], seams[2]])
+    against = ahead[side] == ahead[beside]
+    # Unless one lies on the other, as at the border of a sheet that is there twice.
+    lies_on = against & (np.einsum("nd,nd->n", normal[side // 3], normal[beside // 3]) > SAME_PLANE)
+    side, beside, against = side[~lies_on], beside[~lies_on], np.concatenate([against[~lies_on], seams[2]])
+    one, other = side // 3, beside // 3
     one, other = np.concatenate([one, seams[0] // 3]), np.concatenate([other, seams[1] // 3])
     turned = np.zeros(count, bool)
     if not against.any():

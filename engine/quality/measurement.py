@@ -38,6 +38,7 @@ __all__ = ["measure"]
 # Distances are known in single precision: what is so many times as large is larger.
 CLEARLY = 1.001
 INWARDS = "a closed mesh looks inwards: bodies lie on its inner side; flip its normals if the outer one is meant"
+REPEATED = "faces of two meshes lie in one place: twice as many bodies stand there; leave one out if it is a copy"
 
 
 def measure(placement: Placement, launcher: Launcher, heat: HeatMeshes | None = None) -> Report:
@@ -134,6 +135,8 @@ def _report_on_surface(placement: Placement, launcher: Launcher, heat: HeatMeshe
     surface = placement.problem.domain
     if isinstance(surface, Surface) and surface.looks_inwards:
         notes.append(INWARDS)
+    if isinstance(surface, Surface) and surface.repeated:
+        notes.append(REPEATED)
     notes += notes_on_errors(placement, placement.area, found.errors, found.excess)
     overlaps = found.overlaps
     notes += _notes_on_overlaps(placement.problem, overlaps, found.covered)

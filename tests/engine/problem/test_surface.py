@@ -11,6 +11,8 @@ from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
 from esh.engine.problem.surface_density import SurfaceAttribute, SurfaceImage, SurfaceTriplanar
+from esh.engine.quality.measurement import REPEATED
+from esh.engine.solve import solve
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])
@@ -68,6 +70,24 @@ def test_triangles_that_a_mesh_has_twice_count_once_but_for_its_two_sides():
     assert Surface(SurfaceMesh(SQUARE, np.concatenate([HALVES, HALVES[:, ::-1]]))).area == pytest.approx(2.0)
 
 
+@pytest.mark.parametrize(
+    ("other", "count"),
+    [
+        (SurfaceMesh(SQUARE, HALVES), 2),
+        (SurfaceMesh(SQUARE[[2, 3, 0, 1]], HALVES), 2),
+        (SurfaceMesh(SQUARE, HALVES[:1]), 1),
+        (SurfaceMesh(SQUARE, HALVES[:, ::-1]), 0),
+        (SurfaceMesh(SQUARE + [1, 0, 0], HALVES), 0),
+        (SurfaceMesh(SQUARE[[1, 2, 3, 0]], HALVES), 0),
+    ],
+)
+def test_the_report_says_where_a_mesh_lies_on_its_copy(other, count):
+    surface = Surface([SurfaceMesh(SQUARE, HALVES), other])
+    assert surface.repeated == count
+    problem = Problem(surface, [BodyClass("c", [Size("s", 0.001, 100)])])
+    assert (REPEATED in solve(problem, device="cpu", max_steps=2).report.notes) == (count > 0)
+
+
 def test_a_mesh_of_lines_and_points_is_refused():
     with pytest.raises(ProblemError, match="must have an area"):
         Surface(SurfaceMesh(SQUARE, [[0, 0, 1], [1, 1, 1]]))
@@ -105,6 +125,17 @@ def test_meshes_that_touch_look_to_one_side(along, tilt):
 def test_what_lies_on_another_mesh_and_ends_where_it_does_looks_as_it_looked():
     surface = Surface([SurfaceMesh(*sheet(4, 9, 0.0, 0.5)), SurfaceMesh(*sheet(6, 17, 0.5, 0.9, np.pi))])
     assert not surface.turned.any()
+
+
+@pytest.mark.parametrize("copies", [2, 3])
+def test_a_sheet_that_is_there_twice_is_not_turned_round(copies):
+    """Both have the border's sides, which run the same way: half of all bodies were on the back."""
+    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(0.0, 1.0, 9), np.linspace(0.0, 1.0, 9)))
+    _, triangles = sheet(8, 8, 0.0, 1.0)
+    mesh = SurfaceMesh(np.stack([x, y, 0.1 * np.sin(3.0 * x + y)], axis=1), triangles)
+    surface = Surface([mesh] * copies)
+    assert not surface.turned.any()
+    assert surface.repeated == (copies - 1) * len(triangles)
 
 
 def test_triangles_that_look_the_other_way_than_most_are_turned_round():
