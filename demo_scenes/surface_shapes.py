@@ -127,17 +127,51 @@ def moss(radius: float, leaves: int, seed: int) -> Shape:
 
 
 def lichen(radius: float, seed: int) -> Shape:
-    """A crust of lichen: thin, with a lobed rim that hugs the stone."""
+    """A crust of lichen: many flat scales side by side, smaller and sparser towards a ragged rim."""
     rng = np.random.default_rng(seed)
-    sides, rings = 64, 9
-    angle = np.arange(sides) * 2.0 * np.pi / sides
-    lobes = sum(rng.uniform(0.03, 0.09) * np.sin(k * angle + rng.uniform(0.0, 6.3)) for k in (3, 5, 7, 11, 13))
-    share = np.linspace(1.0, 0.0, rings)[:, None] ** 1.4
-    reach = radius * share * (0.85 + lobes * share)
-    height = np.where(share > 0.99, -0.5, 0.1 - 0.45 * share**2 + 0.05 * np.sin(9.0 * share * 6.3)) * 0.22 * radius
-    height = np.repeat(height, sides, axis=1)
-    vertex = np.stack([reach * np.cos(angle), reach * np.sin(angle), height], axis=-1).reshape(-1, 3)
-    return vertex, grid_faces(rings, sides, round_columns=True)
+    count, sides, rings = 150, 9, 3
+    number = np.arange(count) + 0.5
+    angle = np.pi * (1.0 + 5.0**0.5) * number + rng.normal(0.0, 0.1, count)
+    share = np.sqrt(number / count)
+    lobes = 0.8 + sum(rng.uniform(0.04, 0.1) * np.sin(k * angle + rng.uniform(0.0, 6.3)) for k in (2, 3, 5, 8))
+    kept = rng.random(count) > 0.45 * share**3
+    middle = (radius * share * lobes)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    width = radius * (0.105 - 0.045 * share) * rng.uniform(0.75, 1.2, count)
+    scales = []
+    for place, size, turn in zip(middle[kept], width[kept], angle[kept], strict=True):
+        around = turn + np.arange(sides) * 2.0 * np.pi / sides
+        ragged = rng.uniform(0.75, 1.15, sides)
+        ring_share = np.array([1.0, 0.9, 0.0])[:, None]
+        flat = place + (size * ring_share * ragged)[..., None] * np.stack([np.cos(around), np.sin(around)], axis=1)
+        height = np.repeat(np.array([-0.3, 0.12, 0.22])[:, None] * size, sides, axis=1)
+        scales.append(
+            (
+                np.concatenate([flat, height[..., None]], axis=2).reshape(-1, 3),
+                grid_faces(rings, sides, round_columns=True),
+            )
+        )
+    return joined(scales)
+
+
+def grass(height: float, blades: int, seed: int) -> Shape:
+    """A tuft of grass: narrow blades that bend outwards."""
+    rng = np.random.default_rng(seed)
+    angle = rng.uniform(0.0, 2.0 * np.pi, blades)
+    way = np.stack([np.cos(angle), np.sin(angle), np.zeros(blades)], axis=1)
+    side = np.stack([-np.sin(angle), np.cos(angle), np.zeros(blades)], axis=1)
+    root = way * rng.uniform(0.0, 0.14 * height, (blades, 1))
+    long, lean = height * rng.uniform(0.5, 1.1, (blades, 1)), rng.uniform(0.15, 0.75, (blades, 1))
+    rows = []
+    for share in (0.0, 0.4, 0.75, 1.0):
+        place = (
+            root + way * long * lean * share**2 + np.array([0.0, 0.0, 1.0]) * long * share * (1.0 - 0.3 * lean * share)
+        )
+        half = 0.018 * height * (1.0 - share**2) * side
+        rows += [place - half, place + half]
+    vertex = np.stack(rows, axis=1).reshape(-1, 3)
+    first = 8 * np.arange(blades)[:, None]
+    quads = np.array([(2 * k, 2 * k + 1, 2 * k + 3, 2 * k + 2) for k in range(3)])
+    return vertex, (first[:, None] + quads).reshape(-1, 4)
 
 
 def ring(radius: float, thickness: float, seed: int) -> Shape:

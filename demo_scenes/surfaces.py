@@ -229,20 +229,49 @@ def _grow_on(item: bpy.types.Object) -> None:
     )
 
 
-def _add_soil() -> None:
-    """Add the ground between the rocks."""
+def _add_soil(device: str) -> None:
+    """Add the ground between the rocks, with pebbles and grass that grows beside them."""
     side = np.linspace(-9.0, 9.0, 181)
     x, y = np.meshgrid(side, side)
     flat = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
     flat[:, 2] = 0.05 * shapes.waves(flat, 2.0, 77) - 0.02
-    soil = mottled(
+    earth = mottled(
         "Soil",
-        [(0.3, (0.045, 0.03, 0.018)), (0.6, (0.1, 0.07, 0.04)), (0.8, (0.16, 0.12, 0.06))],
-        0.4,
+        [(0.3, (0.1, 0.075, 0.045)), (0.6, (0.19, 0.145, 0.09)), (0.8, (0.27, 0.22, 0.14))],
+        0.3,
         roughness=1.0,
         bump=0.03,
     )
-    _object("Soil", (flat, shapes.grid_faces(181, 181)), soil)
+    soil = _object("Soil", (flat, shapes.grid_faces(181, 181)), earth)
+    near = np.exp(-(((flat[:, 0] - 0.2) / 3.2) ** 2) - ((flat[:, 1] + 0.6) / 2.8) ** 2)
+    patches = np.clip(0.5 + 1.6 * shapes.waves(flat, 1.1, 90), 0.0, 1.0)
+    _values(soil, "pebbles", near * (0.25 + 0.75 * (1.0 - patches)))
+    _values(soil, "grass", near * patches**2)
+    gray = mottled("Pebble", [(0.3, (0.15, 0.135, 0.115)), (0.7, (0.33, 0.31, 0.28))], 0.2, roughness=0.9, bump=0.003)
+    blade = leafy("Grass", [(0.0, (0.2, 0.24, 0.05)), (0.6, (0.33, 0.36, 0.09)), (1.0, (0.5, 0.44, 0.17))])
+    pebbles = [shapes.rock((0.05, 0.042, 0.03), 60 + n, 3) for n in range(4)]
+    tufts = [shapes.grass(0.16, 46, 30 + n) for n in range(4)]
+    esh.scatter(
+        soil,
+        [
+            esh.ScatterClass(
+                "pebble",
+                [esh.ScatterSize("pebble", 1100, _sources("Pebble", pebbles, gray), area=(0.0006, 0.009))],
+                density=esh.AttributeDensity("pebbles"),
+            ),
+            esh.ScatterClass(
+                "grass",
+                [esh.ScatterSize("tuft", 1300, _sources("Grass", tufts, blade), area=0.008)],
+                density=esh.AttributeDensity("grass"),
+            ),
+        ],
+        obstacles=[bpy.data.collections["Rocks"]],
+        scale_jitter=0.25,
+        tilt=0.1,
+        device=device,
+        seed=SEED,
+        name="Ground Cover",
+    )
 
 
 def rocks(device: str) -> list[Scattered]:
@@ -303,8 +332,8 @@ def rocks(device: str) -> list[Scattered]:
         name="Moss",
     )
     # end: scatter
-    _add_soil()
-    set_light(scene, (0.2, -0.62, 0.8), 4.2, (0.62, 0.74, 0.9), 1.0)
+    _add_soil(device)
+    set_light(scene, (0.25, -0.75, 0.5), 5.5, (0.66, 0.78, 0.92), 1.1, (1.0, 0.86, 0.66))
     camera = add_camera(scene, "Rocks", (-1.75, -3.7, 1.25), (0.08, -0.1, 0.36), lens=50.0, clip_end=60.0)
     camera.data.dof.use_dof, camera.data.dof.focus_distance, camera.data.dof.aperture_fstop = True, 3.6, 4.0
     scene.camera = camera

@@ -68,6 +68,11 @@ Shares = Callable[[Facets], np.ndarray]
 DETAIL = 0.3
 FINER = 3
 SAMPLES_OF_DETAIL = 8
+# Tiles whose sides are no longer than this, in units, are fine enough for any detail, as those at bends are and those of meshes far
+# finer than bodies stand. Measured: 4,096 bodies in bands and spots on a ball of 327,680 triangles are as even as on tiles a third as
+# long, in 2.4 s instead of 5 to 8; moss on five rocks of 20,480 triangles each takes 9 s instead of 33.
+FINE = 0.5
+SAMPLES_OF_FINE = 4
 # Of more tiles than this, those that lie far from all density are not cut: a facet is looked at at so many points along each side, and
 # is far if nothing is seen within so many units. What is smaller than a third of a facet, and lies so far from all else, is not seen.
 # Measured on a spot of a unit sphere that 2,000 bodies stand in, .05 wide: a run takes 8 s instead of 41 s.
@@ -427,15 +432,17 @@ class SurfaceDescent:
             largest = values.max(axis=1)
             detailed[of_tile[largest - values.min(axis=1) > DETAIL * largest]] = True
         near = facets.near(detailed, NEAR_DETAIL) & ~detailed
+        short = facets.longest <= FINE * facets.cuts
+        near, fine, detailed = near & ~short, detailed & short, detailed & ~short
         # What is not cut finer is known.
-        kept = ~(detailed | near)[of_tile]
+        kept = ~(detailed | near | fine)[of_tile]
         facets.cut_finer(np.flatnonzero(near), FINER_NEAR_DETAIL)
         facets.cut_finer(np.flatnonzero(detailed), FINER)
         of_tile = np.repeat(whole, facets.cuts**2)
         density = np.ones((len(self.model.problem.classes), facets.tile_count))
         for k, values in zip(varying, sampled, strict=True):
-            density[k, ~(detailed | near)[of_tile]] = values[kept].mean(axis=1)
-        for some, inner in ((near, 2), (detailed, SAMPLES_OF_DETAIL)):
+            density[k, ~(detailed | near | fine)[of_tile]] = values[kept].mean(axis=1)
+        for some, inner in ((near, 2), (fine, SAMPLES_OF_FINE), (detailed, SAMPLES_OF_DETAIL)):
             if some.any():
                 found = self._densities(np.flatnonzero(some), inner, varying, outlines)
                 for k, values in zip(varying, found, strict=True):

@@ -55,6 +55,7 @@ class Facets:
         unit: Meters per unit.
         triangle: Triangle of the surface that each is part of, shape ``[f]``.
         area: Shape ``[f]``.
+        longest: Longest side of each, shape ``[f]``.
         label: Shape ``[f]``.
         part: Number of the part that each is in, shape ``[f]``.
         relations: Which labels stand on one another.
@@ -88,10 +89,10 @@ class Facets:
         self.triangle = self.on_device.triangle.numpy()
         self.label, self.area = label[self.triangle], self._described.area.numpy()
         self.part = self.label if part is None else part[self.triangle]
-        longest, at_bend = self._described.longest.numpy(), self._at_bend() | self._at_foot()
-        fine = float(((longest[at_bend] / TILE_AT_BEND + 1.0) ** 2).sum())
+        self.longest, at_bend = self._described.longest.numpy(), self._at_bend() | self._at_foot()
+        fine = float(((self.longest[at_bend] / TILE_AT_BEND + 1.0) ** 2).sum())
         tile = np.where(at_bend, min(TILE_AT_BEND * max(math.sqrt(fine / MOST_AT_BENDS), 1.0), TILE), TILE)
-        self.cuts = np.maximum(np.ceil(longest / tile - 1e-6), 1.0).astype(np.int64)
+        self.cuts = np.maximum(np.ceil(self.longest / tile - 1e-6), 1.0).astype(np.int64)
         self.first_tile, self.first_corner = self._counted()
         self._tile_area: np.ndarray | None = None
 
