@@ -16,12 +16,20 @@ from ..problem.image_filters import gaussian_blur
 from ..space.density import box_integrals
 from .model import Model
 
-__all__ = ["group_targets", "vacancy", "water_level"]
+__all__ = ["KEEPS_OFF", "free_of_fixed", "group_targets", "less_by_chance", "vacancy", "water_level"]
 
-# Fixed bodies are counted in cells of the size of their group's spacing, blurred by so many of them: fluctuations of bodies that stand
-# at random are no excess.
-BLUR_OF_FIXED = 1.5
+# Fixed bodies are counted in cells of the size of their group's spacing, blurred by so many of them as densities are: fluctuations
+# of bodies that stand at random are no excess. Measured with half of 4,000 bodies fixed: with 1.5 another 9 to 14 stand between them,
+# with 2 none to 3, and errors are .002 instead of .006.
+BLUR_OF_FIXED = 2.0
 FEWEST_CELLS, MOST_CELLS = 4, 512
+# Cells that places near a fixed body are looked for in, at most.
+MOST_REACH = 16
+# What is less than so many times as much as is asked for may be so by chance. Measured with half of 4,000 bodies fixed: taken for an
+# excess, it is a target of its own that draws others to between the fixed ones, and errors are .02 instead of .002.
+LITTLE_MORE = 1.1
+# New bodies do not start nearer than so many spacings to fixed ones, the middles between three neighbors in a lattice included.
+KEEPS_OFF = 0.65
 # Halvings of the interval in which the density's share of the target lies.
 BISECTIONS = 60
 
@@ -59,7 +67,7 @@ def vacancy(model: Model, class_index: int, cells: int) -> np.ndarray | None:
         return None
     image = model.problem.classes[class_index].density_image
     total = float(model.body_charge[of_class].sum())
-    there, asked = _on_cells(model, image, own, int(of_class.sum()))
+    there, asked = _on_cells(model, image, own, int(of_class.sum()), total)
     share = water_level(asked, there, total, total)
     left = np.clip(1.0 - there / np.maximum(share * asked, 1e-300), 0.0, 1.0)[::-1]
     row, column = ((np.arange(cells) + 0.5) * n / cells for n in left.shape)
@@ -68,7 +76,7 @@ def vacancy(model: Model, class_index: int, cells: int) -> np.ndarray | None:
 
 def _excess(model: Model, image: np.ndarray, own: np.ndarray, total: float, bodies: int) -> tuple[float, np.ndarray]:
     """Charge that the density stands for, and the excess of fixed bodies over it per cell, row 0 at the top."""
-    there, asked = _on_cells(model, image, own, bodies)
+    there, asked = _on_cells(model, image, own, bodies, total)
     share = water_level(asked, there, total, total)
     excess = np.maximum(there - share * asked, 0.0)
     return total - float(excess.sum()), excess
@@ -86,8 +94,48 @@ def water_level(asked: np.ndarray, there: np.ndarray, total: float, most: float)
     return 0.5 * (low + high)
 
 
-def _on_cells(model: Model, image: np.ndarray, own: np.ndarray, bodies: int) -> tuple[np.ndarray, np.ndarray]:
-    """Charge of fixed bodies, blurred, and share of the density in cells about a spacing of the group wide, row 0 at the top."""
+def less_by_chance(there: np.ndarray, asked: np.ndarray) -> np.ndarray:
+    """What is there, but no more than is asked for where it may be more by chance."""
+    return np.where(there < LITTLE_MORE * asked, np.minimum(there, asked), there)
+
+
+def free_of_fixed(model: Model, class_index: int, asked: np.ndarray) -> np.ndarray:
+    """In which cells no fixed body of a class stands nearer to the middle than others should, shape ``[rows, columns]``, bool.
+
+    Args:
+        model: The model.
+        class_index: Its class.
+        asked: Share of the class's bodies that is asked for in every cell, shape ``[rows, columns]``, row 0 at the bottom.
+    """
+    of_class = model.body.class_index == class_index
+    table, size = model.problem.fixed, model.problem.rectangle.size
+    place = table.position[of_class[model.fixed]]
+    rows, columns = asked.shape
+    cell = np.array([size[0] / columns, size[1] / rows])
+    at = np.minimum((place / cell).astype(np.int64), [columns - 1, rows - 1])
+    number = int(of_class.sum()) * asked[at[:, 1], at[:, 0]]
+    radius = KEEPS_OFF * np.sqrt(cell.prod() / np.maximum(number, 1e-300))
+    result = np.ones((rows, columns), bool)
+    # Bodies that reach as many cells far are gone through at once.
+    reach = np.minimum(np.ceil(radius / cell.min()), MOST_REACH).astype(np.int64)
+    for most in np.unique(reach).tolist():
+        own = reach == most
+        for down in range(-most, most + 1):
+            for along in range(-most, most + 1):
+                index = at[own] + [along, down]
+                away = np.linalg.norm((index + 0.5) * cell - place[own], axis=1)
+                near = index[away < radius[own]]
+                if model.space.periodic:
+                    near = near % [columns, rows]
+                near = near[((near >= 0) & (near < [columns, rows])).all(axis=1)]
+                result[near[:, 1], near[:, 0]] = False
+    return result
+
+
+def _on_cells(
+    model: Model, image: np.ndarray, own: np.ndarray, bodies: int, total: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Charge of fixed bodies, and share of the density, in cells about a spacing of the group wide, row 0 at the top; both blurred."""
     domain = model.problem.rectangle
     spacing = math.sqrt(domain.area / bodies)
     rows, columns = (int(np.clip(round(length / spacing), FEWEST_CELLS, MOST_CELLS)) for length in domain.size[::-1])
@@ -96,9 +144,12 @@ def _on_cells(model: Model, image: np.ndarray, own: np.ndarray, bodies: int) -> 
     column = np.minimum((position[:, 0] / domain.size[0] * columns).astype(int), columns - 1)
     row = np.minimum(((1.0 - position[:, 1] / domain.size[1]) * rows).astype(int), rows - 1)
     there = np.bincount(row * columns + column, weights=model.body_charge[own], minlength=rows * columns)
-    there = there.reshape(rows, columns)
     pad = [min(math.ceil(5.0 * BLUR_OF_FIXED), n) for n in (rows, columns)]
-    wide = gaussian_blur(model.space.padded(there, *pad), BLUR_OF_FIXED)
-    there = wide[pad[0] : pad[0] + rows, pad[1] : pad[1] + columns]
-    there *= model.body_charge[own].sum() / max(float(there.sum()), 1e-300)
-    return there, box_integrals(image, (rows, columns))[::-1]
+
+    def blurred(values: np.ndarray) -> np.ndarray:
+        wide = gaussian_blur(model.space.padded(values, *pad), BLUR_OF_FIXED)
+        inner = wide[pad[0] : pad[0] + rows, pad[1] : pad[1] + columns]
+        return inner * (values.sum() / max(float(inner.sum()), 1e-300))
+
+    asked = blurred(box_integrals(image, (rows, columns))[::-1])
+    return less_by_chance(blurred(there.reshape(rows, columns)), total * asked), asked

@@ -166,7 +166,7 @@ class SurfaceDescent:
         fixed = None
         if model.fixed.any():
             fixed = spots_of_fixed(launcher, model, self.facets)
-            share, started = left_by_fixed(model, self.facets, asked, fixed)
+            share, started = left_by_fixed(launcher, model, self.facets, asked, fixed)
         self.share = share
         self._balls, self._clear = balls_of(model, self.facets), clearances(model)
         started = clear_of_balls(model, self.facets, started, self._balls, self._clear)

@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import warp as wp
 
+from ..cascade.kernels_points import Points
+from ..cascade.points import nearest_of
 from ..device.launcher import Launcher
 from ..errors import ProblemError, Reason, Refusal
 from ..problem.body_kind import radius_of
@@ -17,7 +19,7 @@ from ..problem.surface import PointsOnSurface
 from ..problem.validation import show
 from ..surface import kernels_facets
 from ..surface.facets import Facets
-from .attraction import water_level
+from .attraction import KEEPS_OFF, less_by_chance, water_level
 from .model import Model
 
 __all__ = [
@@ -38,8 +40,15 @@ __all__ = [
     "with_first_corner",
 ]
 
-# Bodies that are fixed take the place of others in cells of about so many spacings of their class.
-CELL_OF_FIXED = 2.5
+# Bodies that are fixed take the place of others in cells of so many spacings of their class. To which cell a place belongs is
+# chance, so it is looked at in several lattices, each shifted against the one before. Measured with half of 4,000 bodies on a ball
+# fixed: in cells of 2.5 of one lattice, which are too full or too empty by chance, 114 of 2,000 stood between fixed ones; in eight of
+# 3.5 it is 9, of 4.5 it is 3.
+CELL_OF_FIXED = 4.5
+SHIFTS = 8
+SHIFT = np.array([0.8191725133961645, 0.6710436067037893, 0.5497004779019703])
+# New bodies do not start nearer to fixed ones of their class than they would stand, but no farther off than so many units.
+FARTHEST_KEPT = 3.0
 # How far from the surface a fixed body may be given, in units.
 NEAR = 1.0
 # Who touches a ball does not reach into it, whatever rounding makes of that.
@@ -142,13 +151,16 @@ def spots_of_places(launcher: Launcher, facets: Facets, places: PlacesOnSurface,
     return facet, weight
 
 
-def left_by_fixed(model: Model, facets: Facets, share: np.ndarray, spots: Spots) -> tuple[np.ndarray, np.ndarray]:
+def left_by_fixed(
+    launcher: Launcher, model: Model, facets: Facets, share: np.ndarray, spots: Spots
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the share of every class's density on every tile as others follow it, and as new bodies start on it.
 
     Where fixed bodies are more than the density asks for, the density is what they are, so that nobody is pushed away from it; and
     new ones start where they are less.
 
     Args:
+        launcher: Where to run.
         model: The model.
         facets: The surface.
         share: What is asked for, shape ``[class_count, tile_count]``.
@@ -162,24 +174,24 @@ def left_by_fixed(model: Model, facets: Facets, share: np.ndarray, spots: Spots)
     for k in np.unique(class_of_fixed).tolist():
         of_class = model.body.class_index == k
         total = float(charge[of_class].sum())
-        cell = CELL_OF_FIXED * math.sqrt(facets.area.sum() / int(of_class.sum()))
         own = class_of_fixed == k
-        keys = cells_of(
+        charges = charge[model.fixed][own] / total
+        there = share[k] * _over_asked(
             np.concatenate([middle, place[own]]),
             np.concatenate([facets.normal[facet_of_tile], facets.normal[spots[0][own]]]),
-            cell,
+            share[k],
+            charges,
+            CELL_OF_FIXED * math.sqrt(facets.area.sum() / int(of_class.sum())),
         )
-        number, key = np.unique(keys, return_inverse=True)
-        key = key.ravel()
-        of_tile, of_body = key[: len(middle)], key[len(middle) :]
-        asked = np.bincount(of_tile, share[k], len(number))
-        there = np.bincount(of_body, charge[model.fixed][own], len(number)) / total
-        wanted_there = asked > 0.0
-        level = water_level(asked[wanted_there], there[wanted_there], 1.0, 1.0)
-        wanted = np.maximum(level * asked, np.where(wanted_there, there, 0.0))
-        followed[k] = share[k] * (wanted / np.maximum(asked, 1e-300))[of_tile]
+        there = less_by_chance(there, share[k])
+        level = water_level(share[k], there, 1.0, 1.0)
+        followed[k] = np.maximum(level * share[k], there)
         followed[k] /= followed[k].sum()
-        started[k] = share[k] * np.clip(1.0 - there / np.maximum(level * asked, 1e-300), 0.0, 1.0)[of_tile]
+        started[k] = np.maximum(level * share[k] - there, 0.0)
+        spacing = np.sqrt(facets.tile_area / np.maximum(int(of_class.sum()) * level * share[k], 1e-12))
+        free = _free_of_fixed(launcher, facets, middle, (spots[0][own], place[own]), KEEPS_OFF * spacing)
+        if (free * started[k]).any():
+            started[k] *= free
         if not started[k].any():
             started[k] = share[k]
         started[k] = _left_in_parts(
@@ -187,9 +199,51 @@ def left_by_fixed(model: Model, facets: Facets, share: np.ndarray, spots: Spots)
             facets.part[spots[0][own]],
             share[k],
             started[k],
-            charge[model.fixed][own] / total,
+            charges,
         )
     return followed, started
+
+
+def _free_of_fixed(
+    launcher: Launcher, facets: Facets, middle: np.ndarray, fixed: tuple[np.ndarray, np.ndarray], least: np.ndarray
+) -> np.ndarray:
+    """On which tiles no fixed body stands nearer to the middle than some distance in units, shape ``[tile_count]``.
+
+    ``fixed`` are the facets that these are on, and where.
+    """
+    reach = min(float(least.max()), FARTHEST_KEPT)
+
+    def points(facet: np.ndarray, place: np.ndarray) -> Points:
+        result = Points()
+        result.position = launcher.array(place.astype(np.float32), wp.vec3)
+        result.normal = launcher.array(facets.normal[facet].astype(np.float32), wp.vec3)
+        result.label = launcher.array(facets.label[facet].astype(np.int32), wp.int32)
+        return result
+
+    of_tile = np.repeat(np.arange(facets.count), facets.cuts**2)
+    nearest = nearest_of(launcher, points(of_tile, middle), points(*fixed), reach, reach).numpy()
+    away = np.linalg.norm(middle - fixed[1][nearest], axis=1)
+    return (nearest < 0) | (away >= np.minimum(least, reach))
+
+
+def _over_asked(place: np.ndarray, normal: np.ndarray, asked: np.ndarray, there: np.ndarray, cell: float) -> np.ndarray:
+    """How many times as much as is asked for is there about every tile: the mean over cells of lattices that are shifted.
+
+    Args:
+        place: Middles of tiles, and behind them where bodies are.
+        normal: Where the surface looks to there.
+        asked: Share that is asked for on every tile.
+        there: Of every body.
+        cell: Size of the cells.
+    """
+    asked_about, there_about = np.zeros((2, len(asked)))
+    for shift in range(SHIFTS):
+        key = cells_of(place + (shift * SHIFT % 1.0) * cell, normal, cell)
+        number, key = np.unique(key, return_inverse=True)
+        of_tile, of_body = key.ravel()[: len(asked)], key.ravel()[len(asked) :]
+        asked_about += np.bincount(of_tile, asked, len(number))[of_tile]
+        there_about += np.bincount(of_body, there, len(number))[of_tile]
+    return np.where(asked > 0.0, there_about / np.maximum(asked_about, 1e-300), 0.0)
 
 
 def _left_in_parts(
