@@ -14,6 +14,7 @@ import numpy as np
 from ..field.field import FieldTarget
 from ..problem.image_filters import gaussian_blur
 from ..space.density import box_integrals
+from ..space.space import Space
 from .model import Model
 
 __all__ = ["KEEPS_OFF", "free_of_fixed", "group_targets", "less_by_chance", "vacancy", "water_level"]
@@ -115,20 +116,18 @@ def free_of_fixed(model: Model, class_index: int, asked: np.ndarray) -> np.ndarr
     at = np.minimum((place / cell).astype(np.int64), [columns - 1, rows - 1])
     number = int(of_class.sum()) * asked[at[:, 1], at[:, 0]]
     radius = KEEPS_OFF * np.sqrt(cell.prod() / np.maximum(number, 1e-300))
-    result = np.ones((rows, columns), bool)
+    result, around = np.ones((rows, columns), bool), Space.of(model.problem.rectangle)
     # Bodies that reach as many cells far are gone through at once.
     reach = np.minimum(np.ceil(radius / cell.min()), MOST_REACH).astype(np.int64)
     for most in np.unique(reach).tolist():
         own = reach == most
         for down in range(-most, most + 1):
             for along in range(-most, most + 1):
-                index = at[own] + [along, down]
-                away = np.linalg.norm((index + 0.5) * cell - place[own], axis=1)
-                near = index[away < radius[own]]
-                if model.space.periodic:
-                    near = near % [columns, rows]
-                near = near[((near >= 0) & (near < [columns, rows])).all(axis=1)]
-                result[near[:, 1], near[:, 0]] = False
+                middle = (at[own] + [along + 0.5, down + 0.5]) * cell
+                near = np.linalg.norm(middle - place[own], axis=1) < radius[own]
+                index = np.floor(around.wrapped(middle[near]) / cell).astype(np.int64)
+                index = index[((index >= 0) & (index < [columns, rows])).all(axis=1)]
+                result[index[:, 1], index[:, 0]] = False
     return result
 
 
