@@ -45,7 +45,7 @@ ROUGH = 0.3
 # Tiny triangles turn by any angle within no distance; they count as no more than this.
 MOST_TURN = 9.0
 # What is the same from near and from afar.
-SHARED = ("mesh", "corner", "normal", "label", "open_sides", "cuts", "first_tile", "first_corner", "relations")
+SHARED = ("mesh", "corner", "normal", "label", "open_sides", "cuts", "first_tile", "first_corner", "relations", "parts")
 
 
 def looks_other_from_afar(facets: Facets) -> bool:

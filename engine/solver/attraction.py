@@ -17,7 +17,16 @@ from ..space.density import box_integrals
 from ..space.space import Space
 from .model import Model
 
-__all__ = ["KEEPS_OFF", "free_of_fixed", "group_targets", "less_by_chance", "vacancy", "water_level"]
+__all__ = [
+    "KEEPS_OFF",
+    "LEAST_FREE",
+    "MOST_BY_CHANCE",
+    "but_for_chance",
+    "group_targets",
+    "vacancy",
+    "vacant_cells",
+    "water_level",
+]
 
 # Fixed bodies are counted in cells of the size of their group's spacing, blurred by so many of them as densities are: fluctuations
 # of bodies that stand at random are no excess. Measured with half of 4,000 bodies fixed: with 1.5 another 9 to 14 stand between them,
@@ -26,11 +35,17 @@ BLUR_OF_FIXED = 2.0
 FEWEST_CELLS, MOST_CELLS = 4, 512
 # Cells that places near a fixed body are looked for in, at most.
 MOST_REACH = 16
-# What is less than so many times as much as is asked for may be so by chance. Measured with half of 4,000 bodies fixed: taken for an
+# What is between so many times as much as is asked for may be so by chance. Measured with half of 4,000 bodies fixed: taken for an
 # excess, it is a target of its own that draws others to between the fixed ones, and errors are .02 instead of .002.
-LITTLE_MORE = 1.1
+LITTLE_LESS, LITTLE_MORE = 0.9, 1.1
 # New bodies do not start nearer than so many spacings to fixed ones, the middles between three neighbors in a lattice included.
 KEEPS_OFF = 0.65
+# Those that would have started there start beside, in the smallest of some blocks of cells of which so large a share is free: there
+# fixed ones end, or are sparse. Where they are that dense all over, in what little there is.
+BLOCKS = (8, 16, 32)
+LEAST_FREE = 0.06
+# Unless what is left of the vacancy is so small a share of it: that is what fixed ones lack by chance.
+MOST_BY_CHANCE = 0.1
 # Halvings of the interval in which the density's share of the target lies.
 BISECTIONS = 60
 
@@ -95,12 +110,50 @@ def water_level(asked: np.ndarray, there: np.ndarray, total: float, most: float)
     return 0.5 * (low + high)
 
 
-def less_by_chance(there: np.ndarray, asked: np.ndarray) -> np.ndarray:
-    """What is there, but no more than is asked for where it may be more by chance."""
-    return np.where(there < LITTLE_MORE * asked, np.minimum(there, asked), there)
+def but_for_chance(there: np.ndarray, asked: np.ndarray) -> np.ndarray:
+    """What is there, or what is asked for where these may differ by chance."""
+    return np.where((there > LITTLE_LESS * asked) & (there < LITTLE_MORE * asked), asked, there)
 
 
-def free_of_fixed(model: Model, class_index: int, asked: np.ndarray) -> np.ndarray:
+def vacant_cells(model: Model, class_index: int, asked: np.ndarray) -> np.ndarray | None:
+    """Share of a class's density in cells that new bodies start in, where fixed ones leave them room; None where none of it is fixed.
+
+    Args:
+        model: The model.
+        class_index: Its class.
+        asked: Share of the class's bodies that is asked for in every cell, shape ``[cells, cells]``, row 0 at the bottom; as many
+            as a power of two.
+    """
+    cells = len(asked)
+    left = vacancy(model, class_index, cells)
+    if left is None:
+        return None
+    vacant = asked * left
+    if not vacant.any():
+        vacant = asked
+    free = vacant * _free_of_fixed(model, class_index, asked)
+    sizes = [size for size in BLOCKS if size <= cells] or [cells]
+    result, rest = np.zeros_like(vacant), vacant
+    for size, least in [*((size, LEAST_FREE) for size in sizes), (sizes[0], 0.0)]:
+        if least == 0.0 and rest.sum() < MOST_BY_CHANCE * vacant.sum():
+            return result
+
+        def in_blocks(values: np.ndarray, size: int = size) -> np.ndarray:
+            return values.reshape(cells // size, size, cells // size, size).sum(axis=(1, 3))
+
+        wanted, found = in_blocks(rest), in_blocks(free)
+        enough = found > least * in_blocks(vacant)
+        factor, done = (
+            values.repeat(size, axis=0).repeat(size, axis=1)
+            for values in (np.where(enough, wanted / np.maximum(found, 1e-300), 0.0), enough)
+        )
+        result += free * factor
+        rest = np.where(done, 0.0, rest)
+    # Where nothing at all is free they have to start between fixed ones.
+    return result + rest
+
+
+def _free_of_fixed(model: Model, class_index: int, asked: np.ndarray) -> np.ndarray:
     """In which cells no fixed body of a class stands nearer to the middle than others should, shape ``[rows, columns]``, bool.
 
     Args:
@@ -151,4 +204,4 @@ def _on_cells(
         return inner * (values.sum() / max(float(inner.sum()), 1e-300))
 
     asked = blurred(box_integrals(image, (rows, columns))[::-1])
-    return less_by_chance(blurred(there.reshape(rows, columns)), total * asked), asked
+    return but_for_chance(blurred(there.reshape(rows, columns)), total * asked), asked

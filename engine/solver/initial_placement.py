@@ -20,7 +20,7 @@ from ..space.part import Part, part_of
 from ..space.support import images_for_kernels
 from ..space.target_deposit import integrate_boxes
 from . import kernels_start
-from .attraction import free_of_fixed, vacancy
+from .attraction import vacant_cells
 from .model import Model
 from .spatial_order import order_of_groups
 
@@ -174,15 +174,10 @@ def _pyramid(launcher: Launcher, model: Model, class_index: int, order: int, par
     """
     cells = 1 << order
     share = integrate_boxes(launcher, model.problem.classes[class_index].density_image, (cells, cells), part)
-    left = vacancy(model, class_index, cells)
-    if left is not None:
-        asked = share.numpy().reshape(cells, cells)
-        vacant = asked * left
-        free = vacant * free_of_fixed(model, class_index, asked)
-        for some in (free, vacant):
-            if some.any():
-                share = wp.array(some.ravel(), dtype=float, device=launcher.device)
-                break
+    if model.has_fixed:
+        vacant = vacant_cells(model, class_index, share.numpy().astype(np.float64).reshape(cells, cells))
+        if vacant is not None:
+            share = wp.array(vacant.ravel(), dtype=float, device=launcher.device)
     pyramid = launcher.empty((4 ** (order + 1) - 1) // 3, wp.float64)
     launcher.launch(kernels_start.copy_finest, 4**order, [share, order], [pyramid])
     for level in reversed(range(order)):

@@ -19,7 +19,7 @@ from ..problem.surface import PointsOnSurface
 from ..problem.validation import show
 from ..surface import kernels_facets
 from ..surface.facets import Facets
-from .attraction import KEEPS_OFF, less_by_chance, water_level
+from .attraction import KEEPS_OFF, LEAST_FREE, MOST_BY_CHANCE, but_for_chance, water_level
 from .model import Model
 
 __all__ = [
@@ -144,7 +144,7 @@ def spots_of_places(launcher: Launcher, facets: Facets, places: PlacesOnSurface,
         if len(missed):
             raise ProblemError(
                 f"{key} must lie on the surface; {show(places.position[found[missed[0]]].tolist())} is more than "
-                f"{NEAR * facets.unit:.3g} m away from it",
+                f"{NEAR * facets.unit:.3g} m away from it, that of body {found[missed[0]]}",
                 Refusal(Reason.FIXED_OFF_SURFACE, NEAR * facets.unit, NEAR * facets.unit),
             )
         weight[found] = _inside(corner_weights(facets.corner[facet[found]], place))
@@ -176,24 +176,26 @@ def left_by_fixed(
         total = float(charge[of_class].sum())
         own = class_of_fixed == k
         charges = charge[model.fixed][own] / total
-        there = share[k] * _over_asked(
+        places = (
             np.concatenate([middle, place[own]]),
             np.concatenate([facets.normal[facet_of_tile], facets.normal[spots[0][own]]]),
-            share[k],
-            charges,
-            CELL_OF_FIXED * math.sqrt(facets.area.sum() / int(of_class.sum())),
         )
-        there = less_by_chance(there, share[k])
+        size = CELL_OF_FIXED * math.sqrt(facets.area.sum() / int(of_class.sum()))
+        cells = _shifted_cells(*places, size, len(middle))
+        # By the same cells, so that what reaches over an edge of the density counts on both sides.
+        there = share[k] * (_about(cells, charges) / np.maximum(_about(cells, share[k]), 1e-300))
+        there = but_for_chance(there, share[k])
         level = water_level(share[k], there, 1.0, 1.0)
         followed[k] = np.maximum(level * share[k], there)
         followed[k] /= followed[k].sum()
         started[k] = np.maximum(level * share[k] - there, 0.0)
         spacing = np.sqrt(facets.tile_area / np.maximum(int(of_class.sum()) * level * share[k], 1e-12))
         free = _free_of_fixed(launcher, facets, middle, (spots[0][own], place[own]), KEEPS_OFF * spacing)
-        if (free * started[k]).any():
-            started[k] *= free
         if not started[k].any():
             started[k] = share[k]
+        started[k] = _beside_fixed(
+            started[k], free * started[k], (cells, _shifted_cells(*places, 2.0 * size, len(middle)))
+        )
         started[k] = _left_in_parts(
             facets.part[facet_of_tile],
             facets.part[spots[0][own]],
@@ -226,24 +228,52 @@ def _free_of_fixed(
     return (nearest < 0) | (away >= np.minimum(least, reach))
 
 
-def _over_asked(place: np.ndarray, normal: np.ndarray, asked: np.ndarray, there: np.ndarray, cell: float) -> np.ndarray:
-    """How many times as much as is asked for is there about every tile: the mean over cells of lattices that are shifted.
+def _shifted_cells(
+    place: np.ndarray, normal: np.ndarray, size: float, tile_count: int
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Numbers of the cells that tiles are in, and that bodies are in, in several lattices that are shifted against each other.
 
     Args:
         place: Middles of tiles, and behind them where bodies are.
         normal: Where the surface looks to there.
-        asked: Share that is asked for on every tile.
-        there: Of every body.
-        cell: Size of the cells.
+        size: Of the cells.
+        tile_count: How many tiles there are.
     """
-    asked_about, there_about = np.zeros((2, len(asked)))
+    found = []
     for shift in range(SHIFTS):
-        key = cells_of(place + (shift * SHIFT % 1.0) * cell, normal, cell)
-        number, key = np.unique(key, return_inverse=True)
-        of_tile, of_body = key.ravel()[: len(asked)], key.ravel()[len(asked) :]
-        asked_about += np.bincount(of_tile, asked, len(number))[of_tile]
-        there_about += np.bincount(of_body, there, len(number))[of_tile]
-    return np.where(asked > 0.0, there_about / np.maximum(asked_about, 1e-300), 0.0)
+        key = cells_of(place + (shift * SHIFT % 1.0) * size, normal, size)
+        key = np.unique(key, return_inverse=True)[1].ravel()
+        found.append((key[:tile_count], key[tile_count:]))
+    return found
+
+
+def _beside_fixed(
+    started: np.ndarray, free: np.ndarray, cells: tuple[list[tuple[np.ndarray, np.ndarray]], ...]
+) -> np.ndarray:
+    """Move the share of tiles that bodies start on to what is free of it, in the smallest cells about them where enough is.
+
+    As :func:`~.attraction.vacant_cells` does in the plane.
+    """
+    result, rest = np.zeros_like(started), started
+    for own, least in [*((own, LEAST_FREE) for own in cells), (cells[0], 0.0)]:
+        if least == 0.0 and rest.sum() < MOST_BY_CHANCE * started.sum():
+            return result
+        found = _about(own, free)
+        enough = found > least * _about(own, started)
+        # What is left over at each of them is shared out around it.
+        result += free * _about(own, np.where(enough, rest / np.maximum(found, 1e-300), 0.0))
+        rest = np.where(enough, 0.0, rest)
+    return result + rest
+
+
+def _about(cells: list[tuple[np.ndarray, np.ndarray]], values: np.ndarray) -> np.ndarray:
+    """Sum of values of tiles, or of bodies, in the cells about every tile, over all lattices, shape ``[tile_count]``."""
+    result = np.zeros(len(cells[0][0]))
+    for of_tile, of_body in cells:
+        own = of_tile if len(values) == len(of_tile) else of_body
+        count = int(max(of_tile.max(), of_body.max(initial=0))) + 1
+        result += np.bincount(own, values, count)[of_tile]
+    return result
 
 
 def _left_in_parts(

@@ -88,7 +88,7 @@ class Facets:
         launcher.launch(kernels_cut.describe, count, inputs, [self.on_device, self._described])
         self.triangle = self.on_device.triangle.numpy()
         self.label, self.area = label[self.triangle], self._described.area.numpy()
-        self.part = self.label if part is None else part[self.triangle]
+        self.part = self.label if part is None or np.array_equal(part, label) else part[self.triangle]
         self.longest, at_bend = self._described.longest.numpy(), self._at_bend() | self._at_foot()
         fine = float(((self.longest[at_bend] / TILE_AT_BEND + 1.0) ** 2).sum())
         tile = np.where(at_bend, min(TILE_AT_BEND * max(math.sqrt(fine / MOST_AT_BENDS), 1.0), TILE), TILE)
@@ -215,10 +215,14 @@ class Facets:
         facets.corner = self.mesh.points
         facets.normal, facets.corner_normal = single(described.normal), single(described.corner_normal)
         facets.open_sides = described.open_sides
-        label, facets.relations = self.relations.behind(self.label, int(self.label.max()) + 1)
+        numbers, facets.relations = self.relations.behind(self.label, int(self.label.max()) + 1)
+        # Of all but crumbs it is the label.
+        facets.parts = 0 if self.part is self.label else len(numbers)
+        if facets.parts:
+            numbers = np.concatenate([numbers, self.part])
         facets.label, facets.cuts, facets.first_tile, facets.first_corner = (
             launcher.array(values.astype(np.int32), wp.int32)
-            for values in (label, self.cuts, self.first_tile, self.first_corner)
+            for values in (numbers, self.cuts, self.first_tile, self.first_corner)
         )
         return facets
 

@@ -28,8 +28,8 @@ class Facets:
     """See :class:`~.facets.Facets`.
 
     Corners, three for each; normal; where the smooth surface looks to at every corner; label, and behind all of them, from
-    ``relations`` on, which see each other, as in :mod:`.kernels_relations`; the sides where the surface ends (bit k: opposite of
-    corner k); cuts; and the numbers of the first tile and of its first corner.
+    ``relations`` on, which see each other, as in :mod:`.kernels_relations`, and from ``parts`` on the parts, which nothing leaves; the
+    sides where the surface ends (bit k: opposite of corner k); cuts; and the numbers of the first tile and of its first corner.
     """
 
     mesh: wp.uint64
@@ -42,6 +42,7 @@ class Facets:
     first_tile: wp.array(dtype=wp.int32)
     first_corner: wp.array(dtype=wp.int32)
     relations: wp.int32
+    parts: wp.int32
 
 
 @wp.struct
@@ -122,7 +123,7 @@ def nearest_spot(position: wp.vec3, guess: int, reach: float, facets: Facets):
 def same_sheet(one: int, other: int, facets: Facets):
     """Whether a point may go from one facet to another: in one part, and not through to the back."""
     along = wp.dot(facets.normal[one], facets.normal[other])
-    return facets.label[one] == facets.label[other] and along > SMALLEST_TURN_COSINE
+    return facets.label[facets.parts + one] == facets.label[facets.parts + other] and along > SMALLEST_TURN_COSINE
 
 
 @wp.func

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..problem.image_filters import gaussian_blur
-from ..solver.attraction import less_by_chance, water_level
+from ..solver.attraction import but_for_chance, water_level
 from .bodies import written_atomically
 from .coarse import SCALE, CoarseGrid
 from .groups import TileGroups
@@ -67,7 +67,7 @@ def find_demand(groups: TileGroups, grid: CoarseGrid, target: np.ndarray, totals
         there *= len(position) / float(there.sum())
         density = target[groups.class_index[g]]
         asked = density * (count / float(density.sum()))
-        there = less_by_chance(there, asked)
+        there = but_for_chance(there, asked)
         share = water_level(asked, there, float(count), 1.0)
         over = np.maximum(there - share * asked, 0.0)
         left[g] = np.maximum(share * asked - there, 0.0)

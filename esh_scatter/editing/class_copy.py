@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import bpy
-from bpy.types import PropertyGroup, bpy_prop_collection
+from bpy.types import PropertyGroup
 
 from ...engine.problem.body_class import ClassSettings
 from ...engine.problem.scatter_settings import Standing
 from ...engine.problem.settings import settings_of
-from ..densities.density_curve import copy_curve
+from ..properties.copied_values import copy_values
 from ..properties.described import shown_settings
 from ..properties.influential_settings import LOOKS
 
-__all__ = ["CLASS_PARTS", "KEPT_APART", "copy_class", "copy_values"]
+__all__ = ["CLASS_PARTS", "KEPT_APART", "copy_class"]
 
 # Settings of a class that say how much room each of its bodies takes.
 KEPT_APART = ("room", "gap")
@@ -50,19 +49,3 @@ def copy_class(source: PropertyGroup, to: PropertyGroup, parts: Mapping[str, Any
     to.waits_for_first = to.waits_for_first and "COUNT" not in parts
     for part in parts:
         copy_values(source, to, CLASS_PARTS[part][2])
-
-
-def copy_values(source: PropertyGroup, to: PropertyGroup, names: tuple[str, ...] | None = None) -> None:
-    """Copy properties, lists of groups with all that is in them; None copies all."""
-    told = [one.identifier for one in source.bl_rna.properties if one.identifier != "rna_type"]
-    for name in names or told:
-        value = getattr(source, name)
-        if isinstance(value, bpy_prop_collection):
-            entries = getattr(to, name)
-            entries.clear()
-            for entry in value:
-                copy_values(entry, entries.add())
-        elif isinstance(value, bpy.types.NodeTree):
-            setattr(to, name, copy_curve(value))
-        else:
-            setattr(to, name, value)

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import bpy
 
+from ..properties.copied_values import copy_values
+from ..properties.deleted import in_a_scene
+from ..properties.kept_settings import OF_RESULT, kept_of
 from ..properties.scene import ESH_PG_scene
 from ..result.display import followed_targets, our_modifier
 from ..result.node_group import have_built_anew
 from ..result.result import is_copy, rename_result
 from ..targets.target import RESULT_TARGET, is_result
-from .class_copy import copy_values
 
 __all__ = ["copied_from", "make_scatter_of"]
-
-# What belongs to the result of a scatter, not to its settings.
-_OF_RESULT = {"name", "uid", "live", "result", "report_json", "ran_with", "placed"}
 
 
 def copied_from(context: bpy.types.Context) -> Any | None:
@@ -27,23 +27,26 @@ def copied_from(context: bpy.types.Context) -> Any | None:
     return next((one for one in scatters if one.result is not None and is_copy(item, one.result)), None)
 
 
-def make_scatter_of(item: bpy.types.Object, settings: ESH_PG_scene, index: int) -> Any:
-    """Add a scatter whose result a copied one is, with the settings of the scatter that it was copied from; return it.
+def make_scatter_of(item: bpy.types.Object, settings: ESH_PG_scene, index: int | None) -> Any:
+    """Add a scatter whose result an object is, with the settings of the scatter that it was copied from; return it.
 
     Args:
-        item: The copy, which shows what it does until the next run.
+        item: A copy, or what has come from another file; it shows what it does until the next run.
         settings: Those of its scene.
-        index: Which of the scatters it was copied from.
+        index: Which of the scatters it was copied from; None for the settings that it came with.
     """
     modifier = our_modifier(item)
     followed = followed_targets(modifier) if modifier is not None else []
     # A copy can follow another target than what it was made on.
     ground = followed[0].target if len(followed) == 1 and followed[0].target is not None else item.get(RESULT_TARGET)
     made = settings.add_scatter(ground)
-    source = settings.scatters[index]
-    left_out = _OF_RESULT | {name for name in ("target", "target_kind", "target_collection") if ground is not None}
+    source: Any = kept_of(item) if index is None else settings.scatters[index]
+    left_out = OF_RESULT | {name for name in ("target", "target_kind", "target_collection") if ground is not None}
     names = [one.identifier for one in source.bl_rna.properties if one.identifier not in {"rna_type", *left_out}]
     copy_values(source, made, tuple(names))
+    if index is None:
+        # Its name is no other one's.
+        made.result = item
     made.name = item.name
     if item.data.users > 1:
         item.data = item.data.copy()
@@ -55,4 +58,35 @@ def make_scatter_of(item: bpy.types.Object, settings: ESH_PG_scene, index: int) 
         item[RESULT_TARGET] = ground
     made.result = item
     rename_result(item, made.name)
+    if index is None:
+        _bring_along(made)
     return made
+
+
+def _bring_along(scatter: Any) -> None:
+    """Put into the scene what has come to the file with a result, and is in no scene yet: in none, it would count as deleted.
+
+    What is placed goes into a hidden collection; targets, obstacles and the like are where they were, for all to see.
+    """
+    scene = scatter.id_data
+    placed = {item for one in scatter.classes for size in one.sizes for item in _objects_of(size)}
+    new = sorted((item for item in {*_objects_of(scatter)} if not in_a_scene(item)), key=lambda item: item.name_full)
+    hidden = bpy.data.collections.new(f"{scatter.name} Sources") if placed & {*new} else None
+    if hidden is not None:
+        hidden.hide_viewport = hidden.hide_render = True
+        scene.collection.children.link(hidden)
+    for item in new:
+        (hidden if hidden is not None and item in placed else scene.collection).objects.link(item)
+
+
+def _objects_of(group: bpy.types.PropertyGroup) -> Iterator[bpy.types.Object]:
+    """Go through the objects that settings name, also as members of a collection."""
+    for told in group.bl_rna.properties:
+        value = getattr(group, told.identifier)
+        if isinstance(value, bpy.types.Object):
+            yield value
+        elif isinstance(value, bpy.types.Collection):
+            yield from value.all_objects
+        elif told.type == "COLLECTION":
+            for entry in value:
+                yield from _objects_of(entry)

@@ -12,6 +12,7 @@ import bpy
 from bpy.props import IntProperty
 
 from ..editing.copied_results import copied_from, make_scatter_of
+from ..properties.kept_settings import kept_of
 from ..properties.scene import selected_scatter
 from .edit import Edit, ground_in, remove_at
 
@@ -66,20 +67,20 @@ class ESH_OT_scatter_choose(Edit):
 
 
 class ESH_OT_scatter_of_copy(Edit):
-    """Make a scatter of the active copy of a result, with the settings that it was copied from. It stays as it is until Update"""
+    """Make a scatter of the active copy of a result, or of an appended one, with its settings. It stays as it is until Update"""
 
     bl_idname = "esh.scatter_of_copy"
     bl_label = "Make Own Scatter"
-    _missing = "Select a copy of a result first"
+    _missing = "Select a copy of a result first, or one that was appended from another file"
 
     @staticmethod
     def _needs(context: bpy.types.Context) -> object:
-        return copied_from(context)
+        return copied_from(context) or kept_of(context.view_layer.objects.active)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Make it."""
         item, settings, source = context.view_layer.objects.active, context.scene.esh_scatter, copied_from(context)
-        made = make_scatter_of(item, settings, list(settings.scatters).index(source))
+        made = make_scatter_of(item, settings, None if source is None else list(settings.scatters).index(source))
         self.report({"INFO"}, f'"{made.name}" has settings of its own now')
         return {"FINISHED"}
 

@@ -33,7 +33,7 @@ def _chosen(self: "ESH_PG_obstacle", context: bpy.types.Context) -> None:
     items = self.items
     if not items or self.is_property_set("width") or not all(_has_only_lines(item, context) for item in items):
         return
-    width = PATH / self.id_data.unit_settings.scale_length
+    width = PATH / context.scene.unit_settings.scale_length
     targets = scatter_of(self).targets
     if targets:
         corners = [np.array(item.bound_box) @ np.array(item.matrix_world)[:2, :3].T for item in targets]

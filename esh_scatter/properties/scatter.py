@@ -23,6 +23,7 @@ from .body_class import CLASS_COLORS, ESH_PG_class
 from .deleted import in_a_scene
 from .described import values_from, with_properties
 from .entries import entry_at
+from .kept_settings import keep_settings
 from .names import NEW_CLASS, scatter_renamed, take_name_of_result, unused_name
 from .obstacle import ESH_PG_free_place, ESH_PG_obstacle
 from .placed import ESH_PG_placed, remember_placed, replaced
@@ -337,6 +338,7 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
             with checksums.now():
                 ran_with = self.fingerprint()
         self.ran_with = ran_with
+        keep_settings(self, result)
         remember_placed(self)
         ready = self.ready_classes()
         if isinstance(result.data, bpy.types.Mesh):

@@ -16,7 +16,7 @@ __all__ = ["CLASSES", "ESH_PG_scene", "active_scatter", "attach", "detach", "sel
 
 
 class ESH_PG_scene(PropertyGroup):
-    """Every scatter of one scene."""
+    """Every scatter of one scene; of a result, the one that has made it."""
 
     version: IntProperty(options={"HIDDEN"})
     scatters: CollectionProperty(type=ESH_PG_scatter)
@@ -63,15 +63,17 @@ def selected_class(context: bpy.types.Context) -> ESH_PG_class:
 
 
 def attach() -> None:
-    """Give every scene its settings."""
-    bpy.types.Scene.esh_scatter = PointerProperty(type=ESH_PG_scene, name="ESH Scatter")
+    """Give every scene its settings, and results those that they were made with."""
+    for kind in (bpy.types.Scene, bpy.types.Object):
+        kind.esh_scatter = PointerProperty(type=ESH_PG_scene, name="ESH Scatter")
 
 
 def detach() -> None:
     """Take the settings' definition away again; what a file holds stays in it."""
     # On leaving Python, Blender may have taken it away itself.
-    if hasattr(bpy.types.Scene, "esh_scatter"):
-        del bpy.types.Scene.esh_scatter
+    for kind in (bpy.types.Scene, bpy.types.Object):
+        if hasattr(kind, "esh_scatter"):
+            del kind.esh_scatter
 
 
 CLASSES = (ESH_PG_scene,)

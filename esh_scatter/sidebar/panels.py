@@ -11,6 +11,7 @@ from ...engine.problem.scatter_settings import BorderSettings, RunSettings, Targ
 from ..editing import forecast
 from ..editing.copied_results import copied_from
 from ..properties.asked_once import asked_once
+from ..properties.kept_settings import kept_of
 from ..properties.scatter import BY_HAND, ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import real_objects, words
@@ -308,6 +309,10 @@ def _draw_foreign(context: bpy.types.Context, column: bpy.types.UILayout) -> Non
     scatter = copied_from(context)
     if scatter is not None:
         _draw_copy(context, column, item, scatter)
+    elif kept_of(item) is not None:
+        said = f'"{item.name}" belongs to no scatter of this scene, but has the settings of its last run with it'
+        write_text(context, column, said, icon="INFO")
+        column.operator("esh.scatter_of_copy", icon="DUPLICATE")
     else:
         write_text(context, column, _where_settings_are(item), icon="INFO")
     column.separator()

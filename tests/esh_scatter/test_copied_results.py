@@ -136,3 +136,57 @@ def test_a_new_scatter_leaves_a_result_without_settings_as_it_is(scatter, tmp_pa
     np.testing.assert_array_equal(places(bpy.data.objects[kept]), before)
     made.name = "Grove"
     assert made.result.name == "Grove"
+
+
+def appended(path, name, *, into_scene=True):
+    """Append an object of a file to the empty scene; returns it, active."""
+    with bpy.data.libraries.load(str(path)) as (_, to):
+        to.objects = [name]
+    item = to.objects[0]
+    bpy.context.scene.collection.objects.link(item)
+    bpy.context.view_layer.objects.active = item
+    return item
+
+
+def test_a_result_that_is_appended_has_its_settings_with_it(scatter, tmp_path):
+    """What it is scattered on, and what is placed, come along; settings were to be made anew."""
+    name, before = scatter.result.name, places(scatter.result)
+    path = tmp_path / "forest.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    item = appended(path, name)
+    assert bpy.ops.esh.scatter_of_copy.poll()
+    assert bpy.ops.esh.scatter_of_copy() == {"FINISHED"}
+    assert not bpy.ops.esh.scatter_of_copy.poll()
+    own = bpy.context.scene.esh_scatter.active
+    assert own.result == item and own.target == bpy.data.objects["Ground"]
+    assert own.name == item.name == name and own.target.name in bpy.context.scene.objects
+    assert (own.regularity, own.max_steps, own.device) == (pytest.approx(0.7), 10, "CPU")
+    assert [c.name for c in own.classes] == ["Pine", "Beech"] and own.classes[1].names_that_may_overlap == {"Pine"}
+    assert [c.sizes[0].source_object.name for c in own.classes] == ["Pine", "Beech"]
+    assert own.classes[0].layers[0].kind == "NOISE" and own.classes[0].layers[0].curve is not None
+    np.testing.assert_array_equal(places(item), before)
+    own.classes[0].sizes[0].count = 25
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    assert own.result == item and len(places(item)) == 65
+
+
+def test_settings_are_those_of_the_last_run(scatter, tmp_path):
+    scatter.classes[0].sizes[0].count = 33
+    kept = scatter.result.esh_scatter.scatters[0]
+    assert kept.classes[0].sizes[0].count == 40
+    bpy.ops.esh.scatter()
+    kept = scatter.result.esh_scatter.scatters[0]
+    assert len(scatter.result.esh_scatter.scatters) == 1 and kept.classes[0].sizes[0].count == 33
+    curves = len(bpy.data.node_groups)
+    bpy.ops.esh.scatter()
+    assert len(bpy.data.node_groups) == curves
+
+
+def test_a_result_of_another_scene_of_the_file_is_not_taken(scatter):
+    result = scatter.result
+    other = bpy.data.scenes.new("Other")
+    bpy.context.window.scene = other
+    other.collection.objects.link(result)
+    bpy.context.view_layer.objects.active = result
+    assert not bpy.ops.esh.scatter_of_copy.poll()

@@ -88,6 +88,18 @@ def test_those_of_a_crumb_keep_apart(device):
     assert placement.report.converged
 
 
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("avoid_overlap", [False, True])
+@pytest.mark.parametrize("count", [100, 500])
+def test_none_leaves_a_crumb_for_another_that_it_runs_into(count, avoid_overlap, device):
+    """Of balls in a row each of which reaches into the next one, a tenth had none of one body each, and a tenth two."""
+    balls = [ball(0.5, 2).apply_translation((0.9 * i, 0.9 * j, 0.0)) for i in range(10) for j in range(10)]
+    surface = esh.Surface([esh.SurfaceMesh(one.vertices, one.faces) for one in balls])
+    problem = esh.Problem(surface, [esh.BodyClass("c", [esh.Size("s", 0.02, count)])], avoid_overlap=avoid_overlap)
+    placement = esh.solve(problem, device=device)
+    np.testing.assert_array_equal(np.bincount(placement.mesh, minlength=100), count // 100)
+
+
 def test_groups_in_the_same_places_are_dealt_out_in_turn():
     running = np.full((2, 50), 1.0).cumsum(axis=1)
     for chance in (0.0, 0.3, 0.999):
