@@ -18,6 +18,7 @@ from ..space.space import Space
 from .model import Model
 
 __all__ = [
+    "BLUR_OF_FIXED",
     "KEEPS_OFF",
     "LEAST_FREE",
     "MOST_BY_CHANCE",

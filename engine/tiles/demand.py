@@ -13,16 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from ..problem.image_filters import gaussian_blur
-from ..solver.attraction import but_for_chance, water_level
+from ..solver.attraction import BLUR_OF_FIXED, but_for_chance, water_level
 from .bodies import written_atomically
 from .coarse import SCALE, CoarseGrid
 from .groups import TileGroups
 from .layout import Layout
 
 __all__ = ["Demand", "find_demand", "integrals_of_tiles", "read_demand", "write_demand"]
-
-# Fixed bodies are blurred by so many spacings of their group: where they stand at random is no excess.
-BLUR_OF_FIXED = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,14 +60,16 @@ def find_demand(groups: TileGroups, grid: CoarseGrid, target: np.ndarray, totals
         grid.deposit(position, np.zeros(len(position), np.int64), 1).add_to(whole)
         count = int(groups.count[g])
         spacing = math.sqrt(math.prod(grid.size) / count)
-        there = gaussian_blur(whole[0] / SCALE, BLUR_OF_FIXED * spacing / max(grid.cell))
+        sigma = BLUR_OF_FIXED * spacing / max(grid.cell)
+        there = gaussian_blur(whole[0] / SCALE, sigma)
         there *= len(position) / float(there.sum())
-        density = target[groups.class_index[g]]
-        asked = density * (count / float(density.sum()))
+        density = target[groups.class_index[g]] * (count / float(target[groups.class_index[g]].sum()))
+        asked = gaussian_blur(density, sigma)
         there = but_for_chance(there, asked)
         share = water_level(asked, there, float(count), 1.0)
         over = np.maximum(there - share * asked, 0.0)
-        left[g] = np.maximum(share * asked - there, 0.0)
+        # Nowhere that nothing is asked for.
+        left[g] = np.maximum(share - there / np.maximum(asked, 1e-300), 0.0) * density
         # What rounding leaves is no excess.
         if over.sum() > 1e-6 * count:
             level[g], excess[g] = share, over
