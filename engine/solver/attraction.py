@@ -41,6 +41,8 @@ MOST_REACH = 16
 LITTLE_LESS, LITTLE_MORE = 0.9, 1.1
 # New bodies do not start nearer than so many spacings to fixed ones, the middles between three neighbors in a lattice included.
 KEEPS_OFF = 0.65
+# A density counts as no less than so large a share of its mean there.
+SPARSEST = 0.25
 # Those that would have started there start beside, in the smallest of some blocks of cells of which so large a share is free: there
 # fixed ones end, or are sparse. Where they are that dense all over, in what little there is.
 BLOCKS = (8, 16, 32)
@@ -168,7 +170,9 @@ def _free_of_fixed(model: Model, class_index: int, asked: np.ndarray) -> np.ndar
     rows, columns = asked.shape
     cell = np.array([size[0] / columns, size[1] / rows])
     at = np.minimum((place / cell).astype(np.int64), [columns - 1, rows - 1])
-    number = int(of_class.sum()) * asked[at[:, 1], at[:, 0]]
+    # Where next to nothing is asked for they keep others off no farther than that.
+    share = np.maximum(asked[at[:, 1], at[:, 0]], SPARSEST * asked.mean())
+    number = int(of_class.sum()) * share
     radius = KEEPS_OFF * np.sqrt(cell.prod() / np.maximum(number, 1e-300))
     result, around = np.ones((rows, columns), bool), Space.of(model.problem.rectangle)
     # Bodies that reach as many cells far are gone through at once.

@@ -183,7 +183,7 @@ def left_by_fixed(
         size = CELL_OF_FIXED * math.sqrt(facets.area.sum() / int(of_class.sum()))
         cells = _shifted_cells(*places, size, len(middle))
         # By the same cells, so that what reaches over an edge of the density counts on both sides.
-        there = share[k] * (_about(cells, charges) / np.maximum(_about(cells, share[k]), 1e-300))
+        there = share[k] * (_about(cells, bodies=charges) / np.maximum(_about(cells, share[k]), 1e-300))
         there = but_for_chance(there, share[k])
         level = water_level(share[k], there, 1.0, 1.0)
         followed[k] = np.maximum(level * share[k], there)
@@ -217,9 +217,10 @@ def _free_of_fixed(
 
     def points(facet: np.ndarray, place: np.ndarray) -> Points:
         result = Points()
-        result.position = launcher.array(place.astype(np.float32), wp.vec3)
-        result.normal = launcher.array(facets.normal[facet].astype(np.float32), wp.vec3)
-        result.label = launcher.array(facets.label[facet].astype(np.int32), wp.int32)
+        # The grid of places is made at once.
+        result.position = launcher.own_array(place.astype(np.float32), wp.vec3)
+        result.normal = launcher.own_array(facets.normal[facet].astype(np.float32), wp.vec3)
+        result.label = launcher.own_array(facets.label[facet].astype(np.int32), wp.int32)
         return result
 
     of_tile = np.repeat(np.arange(facets.count), facets.cuts**2)
@@ -266,13 +267,15 @@ def _beside_fixed(
     return result + rest
 
 
-def _about(cells: list[tuple[np.ndarray, np.ndarray]], values: np.ndarray) -> np.ndarray:
-    """Sum of values of tiles, or of bodies, in the cells about every tile, over all lattices, shape ``[tile_count]``."""
+def _about(
+    cells: list[tuple[np.ndarray, np.ndarray]], tiles: np.ndarray | None = None, *, bodies: np.ndarray | None = None
+) -> np.ndarray:
+    """Sum of values of ``tiles``, or of ``bodies``, in the cells about every tile, over all lattices, shape ``[tile_count]``."""
     result = np.zeros(len(cells[0][0]))
     for of_tile, of_body in cells:
-        own = of_tile if len(values) == len(of_tile) else of_body
         count = int(max(of_tile.max(), of_body.max(initial=0))) + 1
-        result += np.bincount(own, values, count)[of_tile]
+        sums = np.bincount(of_tile, tiles, count) if bodies is None else np.bincount(of_body, bodies, count)
+        result += sums[of_tile]
     return result
 
 
