@@ -384,3 +384,18 @@ def test_a_residual_that_is_no_finite_number_is_said_as_in_the_plane(squares):
         factors[3] = squares
         direction.factors.assign(factors)
         assert np.isnan(direction.residual())
+
+
+@pytest.mark.parametrize(("subdivisions", "farthest"), [(0, 0.45), (2, 0.45), (5, 0.2)])
+def test_bodies_stand_no_farther_beyond_the_edge_of_a_density_than_a_tile_there_is_long(subdivisions, farthest):
+    """However fine the mesh is: tiles at bends and of fine meshes are cut there, too."""
+    cube = trimesh.creation.box((2.0, 2.0, 2.0))
+    for _ in range(subdivisions):
+        cube = cube.subdivide()
+    surface = Surface(SurfaceMesh(cube.vertices, cube.faces))
+    size = Size("s", 0.01, 300)
+    half = BodyClass("c", [size], lambda points: (points.position[:, 0] > 0.0) * 1.0)
+    placement = solve(Problem(surface, [half]), device="cpu", max_steps=30)
+    spacing = np.sqrt(12.0 / 300)
+    assert placement.position[:, 0].min() > -farthest * spacing
+    assert (placement.position[:, 0] < 0.0).mean() < 0.03
