@@ -28,19 +28,20 @@ def copied_from(context: bpy.types.Context) -> Any | None:
 
 
 def make_scatter_of(item: bpy.types.Object, settings: ESH_PG_scene, index: int | None) -> Any:
-    """Add a scatter whose result an object is, with the settings of the scatter that it was copied from; return it.
+    """Add a scatter whose result an object is, with the settings that it was made with; return it.
 
     Args:
         item: A copy, or what has come from another file; it shows what it does until the next run.
         settings: Those of its scene.
-        index: Which of the scatters it was copied from; None for the settings that it came with.
+        index: Which of the scatters it was copied from; None for what is no copy.
     """
     modifier = our_modifier(item)
     followed = followed_targets(modifier) if modifier is not None else []
     # A copy can follow another target than what it was made on.
     ground = followed[0].target if len(followed) == 1 and followed[0].target is not None else item.get(RESULT_TARGET)
     made = settings.add_scatter(ground)
-    source: Any = kept_of(item) if index is None else settings.scatters[index]
+    # What it was made with, not what the scatter of what it was copied from has come to ask for since. Older results lack it.
+    source: Any = kept_of(item) or settings.scatters[index]
     left_out = OF_RESULT | {name for name in ("target", "target_kind", "target_collection") if ground is not None}
     names = [one.identifier for one in source.bl_rna.properties if one.identifier not in {"rna_type", *left_out}]
     copy_values(source, made, tuple(names))
@@ -58,7 +59,7 @@ def make_scatter_of(item: bpy.types.Object, settings: ESH_PG_scene, index: int |
         item[RESULT_TARGET] = ground
     made.result = item
     rename_result(item, made.name)
-    if index is None:
+    if index is None or not all(map(in_a_scene, made.targets)):
         _bring_along(made)
     return made
 

@@ -16,8 +16,8 @@ OF_RESULT = {"name", "uid", "live", "result", "report_json", "ran_with", "placed
 
 
 def keep_settings(scatter: Any, item: bpy.types.Object) -> None:
-    """Keep the settings of a scatter with its result; one that is linked from another file has those it came with."""
-    if item.library is not None:
+    """Keep the settings of a scatter with its result; what is linked, or overrides that, has those it came with."""
+    if item.library is not None or item.override_library is not None:
         return
     kept = item.esh_scatter.scatters
     kept.clear()

@@ -190,3 +190,38 @@ def test_a_result_of_another_scene_of_the_file_is_not_taken(scatter):
     other.collection.objects.link(result)
     bpy.context.view_layer.objects.active = result
     assert not bpy.ops.esh.scatter_of_copy.poll()
+
+
+def test_a_result_that_is_appended_twice_is_no_copy_of_the_first_one(scatter, tmp_path):
+    """Each has what it was made with, whatever the first one was changed to since, and its own target."""
+    name, path = scatter.result.name, tmp_path / "forest.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    made = []
+    for number in range(2):
+        item = appended(path, name)
+        assert bpy.ops.esh.scatter_of_copy() == {"FINISHED"}
+        own = bpy.context.scene.esh_scatter.active
+        assert own.result == item and own.classes[0].sizes[0].count == 40
+        assert own.target.name in bpy.context.scene.objects
+        own.classes[0].sizes[0].count = 7 + number
+        assert bpy.ops.esh.scatter() == {"FINISHED"}
+        made.append((own.target, len(places(item))))
+    assert made[0][0] != made[1][0] and [count for _, count in made] == [47, 48]
+
+
+def test_an_override_of_a_linked_result_can_be_scattered_anew(scatter, tmp_path):
+    name, path = scatter.result.name, tmp_path / "forest.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    with bpy.data.libraries.load(str(path), link=True) as (_, to):
+        to.objects = [name, "Ground"]
+    for item in to.objects:
+        bpy.context.scene.collection.objects.link(item)
+    override = to.objects[0].override_create(remap_local_usages=True)
+    bpy.context.view_layer.objects.active = override
+    assert bpy.ops.esh.scatter_of_copy() == {"FINISHED"}
+    own = bpy.context.scene.esh_scatter.active
+    own.classes[0].sizes[0].count = 12
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    assert len(places(own.result)) == 52
