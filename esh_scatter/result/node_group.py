@@ -6,7 +6,7 @@ Its inputs stand in the modifier panel. How much is shown counts in the viewport
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -70,6 +70,9 @@ DISPLAYS = ("Objects", "Bounds", "Points")
 _OBJECT, _EMPTY, _COLLECTION, FAMILY = "Place Object", "Place Empty", "Place Collection", "Place Family"
 # The part that undoes a result's own transform.
 WAY_BACK = "Way Back"
+# Targets that one part looks at: with every node Blender looks at all nodes of a tree anew. A result on 200 leaf cards took 40 s to
+# make with all of them in one.
+MOST_TOGETHER = 8
 # Radius of points, as a share of the objects' scale [m].
 POINT_RADIUS = 0.1
 UP = (0.0, 0.0, 1.0)
@@ -144,29 +147,34 @@ def followed_in(group: bpy.types.NodeTree) -> list[Followed]:
     The group takes its targets as inputs, which only a modifier knows: they are None here. Those of earlier versions hold them.
     """
     found = []
-    for part in parts_of(group):
-        for info in (node for node in part.nodes if node.bl_idname == "GeometryNodeObjectInfo"):
-            item, told = info.inputs["Object"].default_value, _triangle_node(info)
-            if told is not None:
-                given = told.inputs
-                found.append(
-                    Followed(item, given["vertices"].default_value, given["side"].default_value < 0.0, _rest_of(told))
-                )
-                continue
-            # In files of earlier versions.
-            sizes = [link.to_node for link in info.outputs["Geometry"].links]
-            sizes = [node for node in sizes if node.bl_idname == "GeometryNodeAttributeDomainSize"]
-            for compare in (link.to_node for size in sizes for link in size.outputs["Point Count"].links):
-                numbers = [socket for socket in compare.inputs if socket.enabled and not socket.is_linked]
-                vertices = int(numbers[0].default_value)
-                found.append(Followed(item, vertices, _mirrored_before(info)))
+    for info in _object_infos(group):
+        item, told = info.inputs["Object"].default_value, _triangle_node(info)
+        if told is not None:
+            given = told.inputs
+            found.append(
+                Followed(item, given["vertices"].default_value, given["side"].default_value < 0.0, _rest_of(told))
+            )
+            continue
+        # In files of earlier versions.
+        sizes = [link.to_node for link in info.outputs["Geometry"].links]
+        sizes = [node for node in sizes if node.bl_idname == "GeometryNodeAttributeDomainSize"]
+        for compare in (link.to_node for size in sizes for link in size.outputs["Point Count"].links):
+            numbers = [socket for socket in compare.inputs if socket.enabled and not socket.is_linked]
+            vertices = int(numbers[0].default_value)
+            found.append(Followed(item, vertices, _mirrored_before(info)))
     return found
+
+
+def _object_infos(group: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
+    """Go through the nodes that read an object in a group's parts, and in parts of these, in the order of targets."""
+    for part in parts_of(group):
+        yield from (node for node in part.nodes if node.bl_idname == "GeometryNodeObjectInfo")
+        yield from _object_infos(part)
 
 
 def put_at_rest(group: bpy.types.NodeTree, followed: Sequence[Followed]) -> None:
     """Tell a group that was made for these targets how they stand now; to build it anew would take longer than all the rest."""
-    infos = [n for part in parts_of(group) for n in part.nodes if n.bl_idname == "GeometryNodeObjectInfo"]
-    nodes = [node for info in infos if (node := _triangle_node(info)) is not None]
+    nodes = [node for info in _object_infos(group) if (node := _triangle_node(info)) is not None]
     for node, told in zip(nodes, followed, strict=False):
         if told.rest is not None and _rest_of(node) != told.rest:
             node.inputs["known"].default_value = True
@@ -450,9 +458,38 @@ def _follow(tree: Tree, followed: Sequence[Followed]) -> list[Socket]:
 
 def _triangle(tree: Tree, followed: Sequence[Followed]) -> list[Socket]:
     """Return of every point what :func:`_triangle_now` does, of the target that it stands on, and whether there is any target."""
+    names = target_inputs(len(followed))
+    if len(followed) <= MOST_TOGETHER:
+        return _triangle_of_some(tree, followed, names, 0)
     found: list[Socket] = []
     there: list[Socket] = []
-    for number, (told, target) in enumerate(zip(followed, target_inputs(len(followed)), strict=True)):
+    for first in range(0, len(followed), MOST_TOGETHER):
+        some, own_names = followed[first : first + MOST_TOGETHER], names[first : first + MOST_TOGETHER]
+        tree.column(1)
+        *own, any_there = tree.part(
+            "Triangles of Targets",
+            partial(_triangle_of_some, followed=some, names=own_names, first=first),
+            own=True,
+            **{name: tree.inputs[name] for name in own_names},
+        )
+        tree.column(2)
+        there.append(any_there)
+        found = own if not found else _of_its_own(tree, "GREATER_EQUAL", first, found, own)
+    return [*found, tree.either(*there)]
+
+
+def _of_its_own(tree: Tree, operation: str, number: int, others: list[Socket], own: list[Socket]) -> list[Socket]:
+    """Choose for every point between what others have found and ``own``, by how the number of its target compares with one."""
+    its = tree.compare(operation, tree.attribute(TARGET, "INT"), number, "INT")
+    pairs = list(zip(others, own, strict=True))
+    return [tree.switch("VECTOR", its, *pair) for pair in pairs[:-1]] + [tree.switch("BOOLEAN", its, *pairs[-1])]
+
+
+def _triangle_of_some(tree: Tree, followed: Sequence[Followed], names: Sequence[str], first: int) -> list[Socket]:
+    """Return the same of some targets, of which ``first`` is the number of the first one; ``names`` are those of their inputs."""
+    found: list[Socket] = []
+    there: list[Socket] = []
+    for number, (told, target) in enumerate(zip(followed, names, strict=True), start=first):
         tree.column(1)
         info = tree.add("GeometryNodeObjectInfo", transform_space="ORIGINAL")
         tree.link(tree.inputs[target], info.inputs["Object"])
@@ -469,11 +506,7 @@ def _triangle(tree: Tree, followed: Sequence[Followed]) -> list[Socket]:
             **rest._asdict(),
         )
         there.append(own[-1])
-        if found:
-            its = tree.compare("EQUAL", tree.attribute(TARGET, "INT"), number, "INT")
-            pairs = list(zip(found, own, strict=True))
-            own = [tree.switch("VECTOR", its, *pair) for pair in pairs[:-1]] + [tree.switch("BOOLEAN", its, *pairs[-1])]
-        found = own
+        found = own if not found else _of_its_own(tree, "EQUAL", number, found, own)
     return [*found, tree.either(*there)]
 
 
