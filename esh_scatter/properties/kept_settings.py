@@ -19,7 +19,7 @@ def keep_settings(scatter: Any, item: bpy.types.Object) -> None:
     """Keep the settings of a scatter with its result; what is linked, or overrides that, has those it came with."""
     if item.library is not None or item.override_library is not None:
         return
-    kept = item.esh_scatter.scatters
+    kept = item.esh_made_with.scatters
     kept.clear()
     names = [one.identifier for one in scatter.bl_rna.properties if one.identifier not in {"rna_type", *OF_RESULT}]
     copy_values(scatter, kept.add(), tuple(names), own_curves=False)
@@ -27,8 +27,8 @@ def keep_settings(scatter: Any, item: bpy.types.Object) -> None:
 
 def kept_of(item: bpy.types.Object | None) -> Any | None:
     """Return the settings that a local result came with which is no scatter's of this file; None where there are none."""
-    if item is None or item.library is not None or not is_result(item) or not item.esh_scatter.scatters:
+    if item is None or item.library is not None or not is_result(item) or not item.esh_made_with.scatters:
         return None
     if any(scatter.result == item for scene in bpy.data.scenes for scatter in scene.esh_scatter.scatters):
         return None
-    return item.esh_scatter.scatters[0]
+    return item.esh_made_with.scatters[0]

@@ -64,16 +64,17 @@ def selected_class(context: bpy.types.Context) -> ESH_PG_class:
 
 def attach() -> None:
     """Give every scene its settings, and results those that they were made with."""
-    for kind in (bpy.types.Scene, bpy.types.Object):
-        kind.esh_scatter = PointerProperty(type=ESH_PG_scene, name="ESH Scatter")
+    bpy.types.Scene.esh_scatter = PointerProperty(type=ESH_PG_scene, name="ESH Scatter")
+    # Before Blender 5.0 it lies beside custom properties, of which a result has one of the other name.
+    bpy.types.Object.esh_made_with = PointerProperty(type=ESH_PG_scene, name="ESH Scatter")
 
 
 def detach() -> None:
     """Take the settings' definition away again; what a file holds stays in it."""
     # On leaving Python, Blender may have taken it away itself.
-    for kind in (bpy.types.Scene, bpy.types.Object):
-        if hasattr(kind, "esh_scatter"):
-            del kind.esh_scatter
+    for kind, name in ((bpy.types.Scene, "esh_scatter"), (bpy.types.Object, "esh_made_with")):
+        if hasattr(kind, name):
+            delattr(kind, name)
 
 
 CLASSES = (ESH_PG_scene,)

@@ -173,11 +173,11 @@ def test_a_result_that_is_appended_has_its_settings_with_it(scatter, tmp_path):
 
 def test_settings_are_those_of_the_last_run(scatter, tmp_path):
     scatter.classes[0].sizes[0].count = 33
-    kept = scatter.result.esh_scatter.scatters[0]
+    kept = scatter.result.esh_made_with.scatters[0]
     assert kept.classes[0].sizes[0].count == 40
     bpy.ops.esh.scatter()
-    kept = scatter.result.esh_scatter.scatters[0]
-    assert len(scatter.result.esh_scatter.scatters) == 1 and kept.classes[0].sizes[0].count == 33
+    kept = scatter.result.esh_made_with.scatters[0]
+    assert len(scatter.result.esh_made_with.scatters) == 1 and kept.classes[0].sizes[0].count == 33
     curves = len(bpy.data.node_groups)
     bpy.ops.esh.scatter()
     assert len(bpy.data.node_groups) == curves
