@@ -20,7 +20,7 @@ from ..space.part import Part, part_of
 from ..space.support import images_for_kernels
 from ..space.target_deposit import integrate_boxes
 from . import kernels_start
-from .attraction import vacant_cells
+from .beside_fixed import vacant_cells
 from .model import Model
 from .spatial_order import order_of_groups
 

@@ -28,6 +28,7 @@ from ..surface import kernels_facets
 from ..surface.facets import Facets
 from ..surface.parts import joined_parts
 from . import kernels_on_surface, kernels_surface_bends, kernels_surface_lines
+from .beside_fixed_on_surface import left_by_fixed
 from .carried_lines import carry_lines
 from .contact import keeps_apart
 from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels
@@ -46,7 +47,6 @@ from .surface_places import (
     balls_of,
     clear_of_balls,
     clearances,
-    left_by_fixed,
     reach_into_balls,
     spots_of_fixed,
     spots_of_points,
