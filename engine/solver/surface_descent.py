@@ -606,18 +606,22 @@ class SurfaceDescent:
         """
         facets, model = self.facets, self.model
 
-        def ends(number: np.ndarray) -> np.ndarray:
-            return facets.first_tile[np.append(np.flatnonzero(np.diff(number, prepend=-1)), facets.count)]
+        def starts(number: np.ndarray) -> np.ndarray:
+            return np.flatnonzero(np.diff(number, prepend=-1))
+
+        def ends(start: np.ndarray) -> np.ndarray:
+            return facets.first_tile[np.append(start, facets.count)]
 
         def up_to(tiles: np.ndarray) -> np.ndarray:
             return np.where(tiles > 0, running[:, np.maximum(tiles, 1) - 1], 0.0)[model.groups.class_index]
 
-        of_labels = ends(facets.label)
+        labels = starts(facets.label)
+        of_labels = ends(labels)
         rank = first_ranks(up_to(of_labels[1:]), count)
         if self._crumbs < 0:
             return of_labels, rank
-        k = int(np.flatnonzero(facets.label[np.flatnonzero(np.diff(facets.label, prepend=-1))] == self._crumbs)[0])
-        of_parts = ends(facets.part)
+        k = int(np.flatnonzero(facets.label[labels] == self._crumbs)[0])
+        of_parts = ends(starts(facets.part))
         inner = of_parts[(of_parts >= of_labels[k]) & (of_parts <= of_labels[k + 1])]
         chance = np.random.default_rng([model.problem.seed, 13]).random()
         within = up_to(inner[1:]) - up_to(inner[:1])
