@@ -7,10 +7,12 @@ done. Nothing of the file is held on to between two looks: everything is looked 
 
 from __future__ import annotations
 
+import copy
 import json
 import time
 import weakref
 import zlib
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import bpy
@@ -47,6 +49,8 @@ LONGEST_JOIN = 5.0
 # Strokes under way, by the names of their operators.
 _COLORS = {"PAINT_OT_image_paint", "IMAGE_OT_paint", "PAINT_OT_vertex_paint"}
 _STROKES = _COLORS | {"PAINT_OT_weight_paint", "SCULPT_OT_brush_stroke"}
+# Operators that change something step by step until they end, as strokes do: objects are moved, turned and scaled with the mouse.
+_DRAGS = {"TRANSFORM_OT_translate", "TRANSFORM_OT_rotate", "TRANSFORM_OT_resize"}
 
 # What the depsgraph can say that may be of ours; kinds of data that nothing is made of are not looked for. Settings are the scene's:
 # when one is changed in the sidebar, Blender tags the scene, and says of its objects, too, that they have changed.
@@ -77,6 +81,8 @@ class _Live:
         self._told: str | None = None
         self._asked: Request | None = None
         self._record: dict[str, Any] = {}
+        # How many requests have followed the stroke that is under way, or ended only just.
+        self._parts = 0
         self._looked = 0.0
         self._reading = 0.0
         self._waiting: Outcome | None = None
@@ -93,8 +99,12 @@ class _Live:
 
     @property
     def busy(self) -> bool:
-        """Whether something is being solved or waits to be shown."""
-        return self._worker.busy or self._waiting is not None
+        """Whether something is being solved or waits to be shown, or a stroke that has ended is to be followed as one."""
+        return self._worker.busy or self._waiting is not None or (self._is_in_parts and not _is_under_way())
+
+    @property
+    def _is_in_parts(self) -> bool:
+        return self._parts > 1 and self._worker.knows_beginning
 
     def look(self) -> bool:
         """Show what came out, and have solved what has changed; returns False where there is nothing to follow any more."""
@@ -121,6 +131,7 @@ class _Live:
     def reset(self) -> None:
         """The result is another now: the next update starts from there."""
         self._told = self._asked = self._waiting = self._shown = self._written = None
+        self._parts = 0
 
     def look_at_points(self) -> None:
         """The result may be another now, or the same with settings and a report of before."""
@@ -197,7 +208,10 @@ class _Live:
             return
         record = scatter.record()
         made_with = json.dumps(record, separators=(",", ":"))
+        goes_on = _is_under_way()
         if made_with == self._told:
+            if not goes_on:
+                self._follow_as_one()
             return
         if self._told is not None and scatter.turned_to_what_moved(self._record, record):
             self._told, self._record = made_with, record
@@ -217,7 +231,7 @@ class _Live:
             if result is not None and places is not None and not (anew or ready_only):
                 before = job_as_placed(result, places, positional, named)
         except EshError as error:
-            self._told, self._record = made_with, record
+            self._told, self._record, self._parts = made_with, record, 0
             self._say(as_sentence(error))
             return
         self._reading = time.thread_time() - start
@@ -233,12 +247,27 @@ class _Live:
                 # It begins with these.
                 self._earlier[stands] = job if before is None else before[0]
         start_at = None if anew else places
-        self._asked = Request(job, made_with, anew, start_at, before, few_steps, ready_only, back_to)
-        self._worker.submit(self._asked)
+        begins, as_one = goes_on and not self._parts, bool(self._parts) and not goes_on and self._worker.knows_beginning
+        self._parts = self._parts + 1 if goes_on and not (first or anew) else 0
+        self._ask(Request(job, made_with, anew, start_at, before, few_steps, ready_only, back_to, begins, as_one))
+
+    def _ask(self, request: Request) -> None:
+        self._asked = request
+        self._worker.submit(request)
+
+    def _follow_as_one(self) -> None:
+        """Have a stroke that was followed in parts, and has ended, followed as one."""
+        in_parts = self._is_in_parts
+        self._parts = 0
+        if in_parts and self._asked is not None:
+            self._submitted_at = time.perf_counter()
+            # Somebody may be writing the one that was shown.
+            self._ask(replace(self._asked, job=copy.copy(self._asked.job), back_to=None, begins=False, as_one=True))
 
     def _show(self, context: bpy.types.Context, scatter: Scatter, outcome: Outcome) -> None:
         """Write what came out into the result."""
         if outcome.error is not None:
+            self._parts = 0
             self._say(as_sentence(outcome.error))
             return
         job, placement = outcome.job, outcome.placement
@@ -426,9 +455,19 @@ def _standing_of(result: bpy.types.Object) -> int:
 
 def _stroke() -> str | None:
     """Return the name of the operator whose brush stroke is under way in some window."""
+    return _modal(_STROKES)
+
+
+def _is_under_way() -> bool:
+    """Tell whether something is changed step by step: by a brush stroke, or objects by the mouse."""
+    return _modal(_STROKES | _DRAGS) is not None
+
+
+def _modal(names: set[str]) -> str | None:
+    """Return which of some operators is under way in some window."""
     for window in bpy.context.window_manager.windows:
         for operator in window.modal_operators:
-            if operator.bl_idname in _STROKES:
+            if operator.bl_idname in names:
                 return str(operator.bl_idname)
     return None
 

@@ -46,6 +46,9 @@ class Request:
         few_steps: Whether nothing but counts and classes are other ones, so that few steps will do, and what is far stays.
         ready_only: Whether they are where this request would have them, so that there is nothing to solve yet.
         back_to: The job that has placed them where they are, if it was one of this worker.
+        begins: Whether it is the first of several that follow a stroke while it is made.
+        as_one: Whether the stroke has ended: it is followed as a whole, from where bodies were when it began. Each part on its own has
+            bodies move on a little, wherever they are.
     """
 
     job: ScatterJob
@@ -56,6 +59,8 @@ class Request:
     few_steps: bool = False
     ready_only: bool = False
     back_to: ScatterJob | None = None
+    begins: bool = False
+    as_one: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +93,13 @@ class _Earlier(NamedTuple):
     bookmark: Bookmark
 
 
+class _Beginning(NamedTuple):
+    """What bodies were placed with when a stroke began, and where the solver goes back to for following it as one."""
+
+    made_with: str
+    bookmark: Bookmark
+
+
 class LiveWorker:
     """Solves requests one after the other; of those that wait only the last one.
 
@@ -109,6 +121,9 @@ class LiveWorker:
         # The job that was shown last, if nothing has moved since; and those before it.
         self._shown: ScatterJob | None = None
         self._earlier: list[_Earlier] = []
+        # What that was made with, and where a stroke began.
+        self._made_with = ""
+        self._beginning: _Beginning | None = None
         # Steps of an edit that a solver began with.
         self._edited = 0
         # How uneven the last placement was that was measured.
@@ -121,6 +136,11 @@ class LiveWorker:
     def has_solver(self) -> bool:
         """Whether there is a state to go on from."""
         return self._made is not None
+
+    @property
+    def knows_beginning(self) -> bool:
+        """Whether a stroke can be followed as one, from where bodies were when it began."""
+        return self._beginning is not None
 
     @property
     def busy(self) -> bool:
@@ -204,16 +224,20 @@ class LiveWorker:
         job.survey = self._survey
         job.prepare()
         in_full = False
-        if self._goes_back(request):
+        if request.as_one and (beginning := self._back_to_beginning(request)) is not None:
+            steps = 0 if request.made_with == beginning.made_with else self._edit(job)
+        elif self._goes_back(request):
             if request.ready_only:
                 return
+            self._mark_beginning(request)
             steps = self._edit(job)
         elif self._can_go_on(request):
+            self._mark_beginning(request)
             steps = self._edit(job)
         else:
             self._unevenness = 0.0
             started = self._begin(request)
-            self._made = job
+            self._made, self._made_with = job, request.made_with
             if started and request.ready_only:
                 return
             assert self._solver is not None
@@ -223,7 +247,7 @@ class LiveWorker:
             if in_full:
                 steps, _ = self._solver.run(job.settings.max_steps, self._keep)
                 self._solver.separate(self._go_on, again=started)
-        self._made = job
+        self._made, self._made_with = job, request.made_with
         assert self._solver is not None
         before = self._unevenness
         measured = self._show(request, job, steps, start)
@@ -267,6 +291,31 @@ class LiveWorker:
             self._close()
             raise
 
+    def _mark_beginning(self, request: Request) -> None:
+        """Know where bodies are where a stroke begins."""
+        if not request.begins:
+            return
+        self._forget_beginning()
+        if self._solver is not None and self._solver.model.body_count <= MOST_BODIES_EARLIER:
+            self._beginning = _Beginning(self._made_with, self._solver.bookmark())
+
+    def _back_to_beginning(self, request: Request) -> _Beginning | None:
+        """Go back to where a stroke began, if that is known and can be gone on from; return where that is."""
+        beginning = self._beginning
+        if self._solver is None or beginning is None or request.anew:
+            return None
+        if not self._is_alike(request, beginning.bookmark.model.problem):
+            return None
+        self._shown = None
+        self._solver.go_back(beginning.bookmark)
+        self._forget_beginning()
+        return beginning
+
+    def _forget_beginning(self) -> None:
+        if self._solver is not None and self._beginning is not None:
+            self._solver.drop(self._beginning.bookmark)
+        self._beginning = None
+
     def _remember(self, wanted: _Earlier | None = None) -> None:
         """Let undo come back to what was shown last; what is too much is forgotten, the oldest first, but nothing that is wanted."""
         if self._solver is None or self._shown is None or any(one.job is self._shown for one in self._earlier):
@@ -297,6 +346,7 @@ class LiveWorker:
             self._earlier.append(earlier)
             self._solver.go_back(earlier.bookmark)
         self._made = self._shown = request.back_to
+        self._made_with = request.made_with if request.ready_only else ""
         return True
 
     def _can_go_on(self, request: Request) -> bool:
@@ -371,5 +421,6 @@ class LiveWorker:
     def _close(self) -> None:
         solver, self._solver, self._made, self._shown = self._solver, None, None, None
         self._earlier.clear()
+        self._beginning = None
         if solver is not None:
             solver.close()

@@ -24,8 +24,8 @@ PIXELS = 1024
 # Where the stroke begins and ends, on the ground [m].
 FROM, TO = (-0.325 * SIZE, -0.3 * SIZE), (-0.225 * SIZE, 0.2 * SIZE)
 BRUSH = 60 if FILM else 45
-# A stroke is followed in as many parts as there is time for, and each part moves what is far a little.
-STROKE_SECONDS = 30.0 if FILM else 5.0
+# It is followed in as many parts as there is time for.
+STROKE_SECONDS = 30.0 if FILM else 12.0
 LONGEST_RUN = 180.0
 
 

@@ -82,6 +82,16 @@ def switch_on(scatter, follow):
     return before
 
 
+@pytest.fixture
+def under_way(monkeypatch):
+    """Have it look as if an operator was under way, by its name; None ends it."""
+
+    def begin(operator):
+        monkeypatch.setattr(live, "_modal", lambda names: operator if operator in names else None)
+
+    return begin
+
+
 def test_a_painted_image_is_followed_and_what_is_far_from_it_stays(scatter, follow):
     before = switch_on(scatter, follow)
     there = points("Pine")
@@ -137,7 +147,7 @@ def test_what_looks_uneven_after_a_change_runs_on(scatter, follow, monkeypatch, 
     assert moved(there, points()).max() == 0.0 and placed < 0.1
 
 
-def test_a_stroke_is_followed_on_after_a_slow_moment_of_the_machine(scatter, monkeypatch, follow):
+def test_a_stroke_is_followed_on_after_a_slow_moment_of_the_machine(scatter, monkeypatch, under_way, follow):
     """Other programs may have the processors while it is read; that says nothing of how long reading takes."""
     from esh.esh_scatter.solving.job import ScatterJob
 
@@ -149,7 +159,7 @@ def test_a_stroke_is_followed_on_after_a_slow_moment_of_the_machine(scatter, mon
         return read(job, context)
 
     monkeypatch.setattr(ScatterJob, "_read", slowly)
-    monkeypatch.setattr(live, "_stroke", lambda: "PAINT_OT_image_paint")
+    under_way("PAINT_OT_image_paint")
     image = bpy.data.images["mask.png"]
     pixels = np.empty(64 * 64 * 4, np.float32)
     for columns, border in ((16, -10.6), (32, -0.6)):
@@ -160,23 +170,74 @@ def test_a_stroke_is_followed_on_after_a_slow_moment_of_the_machine(scatter, mon
         assert min(place[0] for place in points("Pine").values()) > border, "the brush is still down"
 
 
-def test_colors_are_followed_while_they_are_painted_and_weights_when_the_brush_is_lifted(scatter, monkeypatch, follow):
+def test_a_stroke_that_was_followed_in_parts_ends_as_if_it_had_been_followed_at_once(scatter, under_way, follow):
+    """Each part stirs what is far from it a little, as new objects come down everywhere; all of them together must not."""
+    scatter.classes["Pine"].sizes[0].count = scatter.classes["Beech"].sizes[0].count = 1000
+    switch_on(scatter, follow)
+    image = bpy.data.images["mask.png"]
+
+    def paint(columns):
+        pixels = np.empty(64 * 64 * 4, np.float32)
+        image.pixels.foreach_get(pixels)
+        pixels.reshape(64, 64, 4)[:, :columns, :3] = 0.0
+        image.pixels.foreach_set(pixels)
+        follow()
+
+    def stirred():
+        """Of beeches far from the stroke, by half a spacing of all 2,000."""
+        return np.mean(moved({n: p for n, p in before.items() if p[0] > 0.0}, points("Beech")) > 0.45)
+
+    before = points("Beech")
+    under_way("PAINT_OT_image_paint")
+    for columns in range(1, 17):
+        paint(columns)
+    in_parts = stirred()
+    placed = points()
+    under_way(None)
+    follow()
+    assert stirred() < min(0.1, 0.5 * in_parts), "they are back where they were"
+    assert points().keys() != placed.keys() and not active().outdated
+    there = points()
+    assert len(points("Pine")) == 1000 and min(place[0] for place in points("Pine").values()) > -10.6
+    follow()
+    assert moved(there, points()).max() == 0.0
+
+
+def test_an_obstacle_that_is_moved_away_and_back_leaves_objects_where_they_were(scatter, under_way, follow):
+    bpy.ops.mesh.primitive_cube_add(size=6.0, location=(12.0, 0.0, 0.0))
+    rock = bpy.context.object
+    scatter.obstacles.add().item = rock
+    before = switch_on(scatter, follow)
+    under_way("TRANSFORM_OT_translate")
+    for place in (6.0, 0.0, -6.0, -12.0):
+        rock.location.x = place
+        bpy.context.view_layer.update()
+        follow()
+        assert all(np.abs(at[:2] - (place, 0.0)).max() > 2.99 for at in points().values()), "it is still being moved"
+    rock.location.x = 12.0
+    bpy.context.view_layer.update()
+    under_way(None)
+    follow()
+    assert points().keys() == before.keys() and moved(before, points()).max() < 0.3
+
+
+def test_colors_are_followed_while_they_are_painted_and_weights_when_the_brush_is_lifted(scatter, under_way, follow):
     ground = scatter.target.data
     ground.color_attributes.new("wet", "BYTE_COLOR", "POINT")
     ground.attributes["wet"].data.foreach_set("color", np.ones(4 * len(ground.vertices)))
     scatter.classes["Pine"].add_layer("ATTRIBUTE", attribute="wet", blend="MULTIPLY")
     switch_on(scatter, follow)
     left = np.array([vertex.co.x < 0.0 for vertex in ground.vertices])
-    monkeypatch.setattr(live, "_stroke", lambda: "PAINT_OT_vertex_paint")
+    under_way("PAINT_OT_vertex_paint")
     ground.attributes["wet"].data.foreach_set("color", np.repeat(np.where(left, 0.0, 1.0), 4))
     follow()
     assert min(place[0] for place in points("Pine").values()) > -3.0, "the brush is still down"
-    monkeypatch.setattr(live, "_stroke", lambda: "PAINT_OT_weight_paint")
+    under_way("PAINT_OT_weight_paint")
     before = points("Beech")
     scatter.target.vertex_groups["here"].add(np.flatnonzero(left).tolist(), 0.0, "REPLACE")
     follow()
     assert moved(before, points("Beech")).max() == 0.0
-    monkeypatch.setattr(live, "_stroke", lambda: None)
+    under_way(None)
     follow()
     assert min(place[0] for place in points("Beech").values()) > -3.0
 
