@@ -12,6 +12,7 @@ import json
 import time
 import weakref
 import zlib
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -24,6 +25,7 @@ from ..result.real_objects import real_objects_of
 from ..result.refused import as_sentence
 from ..targets import checksums
 from ..targets.references import Reference
+from ..targets.vertex_groups import can_be_listed
 from . import running, undo_steps
 
 if TYPE_CHECKING:
@@ -47,8 +49,8 @@ FOLLOWS_STROKES = 0.05
 LONGEST_JOIN = 5.0
 
 # Strokes under way, by the names of their operators.
-_COLORS = {"PAINT_OT_image_paint", "IMAGE_OT_paint", "PAINT_OT_vertex_paint"}
-_STROKES = _COLORS | {"PAINT_OT_weight_paint", "SCULPT_OT_brush_stroke"}
+_COLORS, _WEIGHTS = {"PAINT_OT_image_paint", "IMAGE_OT_paint", "PAINT_OT_vertex_paint"}, "PAINT_OT_weight_paint"
+_STROKES = _COLORS | {_WEIGHTS, "SCULPT_OT_brush_stroke"}
 # Operators that change something step by step until they end, as strokes do: objects are moved, turned and scaled with the mouse.
 _DRAGS = {"TRANSFORM_OT_translate", "TRANSFORM_OT_rotate", "TRANSFORM_OT_resize"}
 
@@ -159,7 +161,7 @@ class _Live:
                 self._show(context, scatter, outcome)
         if takes_edits:
             attentive = time.monotonic() - _last_sign < ATTENTIVE or _stroke() is not None
-            if self._time_to_look(attentive) and self._worker.rests():
+            if self._time_to_look(context, scatter, attentive) and self._worker.rests():
                 try:
                     with checksums.at_most(SHARE_ATTENTIVE if attentive else SHARE_AT_REST):
                         self._submit(context, scatter)
@@ -182,13 +184,17 @@ class _Live:
         deleted = [c.name for c in scatter.classes if not c.mute and c.deleted]
         return f"an object of {deleted[0]} was deleted" if deleted else ""
 
-    def _time_to_look(self, attentive: bool) -> bool:
+    def _time_to_look(self, context: bpy.types.Context, scatter: Scatter, attentive: bool) -> bool:
         if not attentive and time.monotonic() - self._looked < AT_REST:
             return False
         stroke = _stroke()
-        # Colors are read during the stroke, if that is quick. Weights, for which data is made that a stroke must not meet, and shapes
-        # only when the brush is lifted.
-        return stroke is None or (stroke in _COLORS and self._reading < FOLLOWS_STROKES)
+        if stroke is None:
+            return True
+        # Colors and weights are read during the stroke, if that is quick; shapes, and weights for which data is made that a stroke must
+        # not meet, only when the brush is lifted.
+        if self._reading >= FOLLOWS_STROKES:
+            return False
+        return stroke in _COLORS or (stroke == _WEIGHTS and _weights_can_be_listed(context, scatter))
 
     def _submit(self, context: bpy.types.Context, scatter: Scatter) -> None:
         """Have the scatter solved as it is now, if it differs from what was solved last."""
@@ -206,9 +212,11 @@ class _Live:
         if result is not None and real_objects_of(result) is not None:
             self._say("Its instances are real objects: click Back to Instances first")
             return
-        record = scatter.record()
-        made_with = json.dumps(record, separators=(",", ":"))
         goes_on = _is_under_way()
+        # What is told of a while ago lacks the end of a stroke.
+        with checksums.now() if self._parts and not goes_on else nullcontext():
+            record = scatter.record()
+        made_with = json.dumps(record, separators=(",", ":"))
         if made_with == self._told:
             if not goes_on:
                 self._follow_as_one()
@@ -393,6 +401,12 @@ def _find() -> None:
             if key not in _followed:
                 _attach()
                 _followed[key] = _Live(scene, scatter)
+
+
+def _weights_can_be_listed(context: bpy.types.Context, scatter: Scatter) -> bool:
+    """Tell whether nothing has to be made in the file for reading the weights of its targets."""
+    depsgraph = context.evaluated_depsgraph_get()
+    return all(can_be_listed(target.evaluated_get(depsgraph)) for target in scatter.targets if target.vertex_groups)
 
 
 def _scatter_of(scene: bpy.types.Scene | None, uid: int) -> Scatter | None:

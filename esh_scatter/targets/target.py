@@ -221,7 +221,7 @@ def read_target(
         read.active_uv_map = mesh.uv_layers.active.name if mesh.uv_layers.active else ""
         wanted = [group.name for group in target.vertex_groups if group.name in names]
         read.vertex_group = {group.name: np.empty(0, np.float32) for group in target.vertex_groups}
-        read.vertex_group.update(read_vertex_groups(evaluated, wanted, context))
+        read.vertex_group.update(read_vertex_groups(evaluated, mesh, wanted, context))
         _read_materials(read, mesh, evaluated)
         for attribute in mesh.attributes:
             _read_attribute(read, attribute, attribute.name in names)

@@ -1,7 +1,7 @@
 """Runs inside a windowed Blender: 10,000 objects, Live, and a stroke with the mouse that is followed while it is painted.
 
-With ``film`` as the last argument after ``--`` it is made for the pictures that ``film_strip.py`` joins; with ``colors`` it is a color
-attribute that is painted, and not an image.
+The last argument after ``--`` says what is painted: ``image``, ``colors`` or ``weights``. With ``film`` it is an image, for the pictures
+that ``film_strip.py`` joins.
 """
 
 import shutil
@@ -18,7 +18,8 @@ import window_steps as steps
 from window_steps import answer
 
 # To be looked at rather than measured: fewer objects, and a slow stroke.
-FILM, COLORS = sys.argv[-1] == "film", sys.argv[-1] == "colors"
+FILM = sys.argv[-1] == "film"
+PAINTED = "image" if FILM else sys.argv[-1]
 COUNT, SIZE = (1_500, 36.0) if FILM else (10_000, 80.0)
 PIXELS = 1024
 # Where the stroke begins and ends, on the ground [m].
@@ -38,7 +39,7 @@ def fill_in():
         steps.show_tab()
         for item in list(bpy.data.objects):
             bpy.data.objects.remove(item)
-        cuts = 150 if COLORS else 50
+        cuts = 50 if PAINTED == "image" else 150
         bpy.ops.mesh.primitive_grid_add(size=SIZE, x_subdivisions=cuts, y_subdivisions=cuts)
         ground = bpy.context.object
         ground.name = "Ground"
@@ -48,6 +49,12 @@ def fill_in():
         mask.pack()
         ground.data.color_attributes.new("Colors", "BYTE_COLOR", "POINT")
         ground.data.attributes["Colors"].data.foreach_set("color", np.ones(4 * len(ground.data.vertices)))
+        ground.vertex_groups.new(name="Weights").add(range(len(ground.data.vertices)), 1.0, "REPLACE")
+        layer = {
+            "image": {"kind": "IMAGE", "image": mask},
+            "colors": {"kind": "ATTRIBUTE", "attribute": "Colors"},
+            "weights": {"kind": "VERTEX_GROUP", "vertex_group": "Weights"},
+        }[PAINTED]
         for name, radius, height, share, color in (
             ("Bush", 0.42, 0.9, 0.3, (0.05, 0.38, 0.08, 1.0)),
             ("Grass", 0.22, 0.5, 0.7, (0.72, 0.50, 0.05, 1.0)),
@@ -61,9 +68,7 @@ def fill_in():
             item.hide_set(True)
             body_class = scatter.add_class()
             body_class.name = name
-            body_class.add_layer("ATTRIBUTE", attribute="Colors") if COLORS else body_class.add_layer(
-                "IMAGE", image=mask
-            )
+            body_class.add_layer(**layer)
             body_class.sizes[0].source_object, body_class.sizes[0].count = item, round(share * COUNT)
         scatter.class_index = 0
         _material(ground, mask)
@@ -116,12 +121,16 @@ def paint():
     steps.take_screenshot("live-before.png")
     with steps.window_context():
         answer["paint"] = sorted(bpy.ops.esh.layer_paint())
-        paint = bpy.context.tool_settings.vertex_paint if COLORS else bpy.context.tool_settings.image_paint
+        modes = {"image": "image_paint", "colors": "vertex_paint", "weights": "weight_paint"}
+        paint = getattr(bpy.context.tool_settings, modes[PAINTED])
         brush = paint.brush
         brush.color, brush.strength = (0.0, 0.0, 0.0), 1.0
         unified = paint.unified_paint_settings if bpy.app.version >= (5, 0, 0) else None
         for owner in (brush, unified or bpy.context.tool_settings.unified_paint_settings):
-            owner.size = BRUSH
+            owner.size, owner.weight = BRUSH, 0.0
+            if PAINTED == "weights":
+                # By itself its edge is soft.
+                brush.curve_distance_falloff_preset = "CONSTANT"
             if hasattr(owner, "color"):
                 owner.color = (0.0, 0.0, 0.0)
     answer["mode"] = bpy.context.mode
@@ -152,7 +161,10 @@ class Watch:
 
     @staticmethod
     def _pixels():
-        if COLORS:
+        if PAINTED == "weights":
+            found = bpy.data.objects["Ground"].data.vertices
+            return np.array([found[number].groups[0].weight for number in range(0, len(found), 4)])
+        if PAINTED == "colors":
             found = bpy.data.objects["Ground"].data.attributes["Colors"].data
             colors = np.empty(4 * len(found), np.float32)
             found.foreach_get("color", colors)

@@ -52,13 +52,13 @@ def driven(name: str, package: Path, folder: Path, *arguments: str, seconds: flo
     return answer
 
 
-@pytest.mark.parametrize("painted", ["image", "colors"])
+@pytest.mark.parametrize("painted", ["image", "colors", "weights"])
 def test_a_stroke_with_the_mouse_is_followed(package: Path, tmp_path: Path, painted: str):
     image = pytest.importorskip("PIL.Image")
     answer = driven("live_driver.py", package, tmp_path, painted)
     if not answer["mouse"]:
         pytest.skip("nothing moves the mouse: xdotool is missing")
-    mode = {"image": "PAINT_TEXTURE", "colors": "PAINT_VERTEX"}[painted]
+    mode = {"image": "PAINT_TEXTURE", "colors": "PAINT_VERTEX", "weights": "PAINT_WEIGHT"}[painted]
     assert answer["mode"] == mode and answer["live"] and answer["placed"] == 10_000
     # Pixels changed while it was painted, and objects went; counts are kept, and what is far from it stays where it
     # was, but for what had to make room. However many parts the stroke was followed in, that is no more than for one
@@ -110,6 +110,21 @@ def test_an_artist_changes_things_with_mouse_and_keys(package: Path, tmp_path: P
     assert len(answer["real"]) == everything and answer["picked"] == answer["real"][0]
     assert answer["stopped"] and answer["deleted"] and answer["undone"] and answer["renamed"] == ["Wood", "Wood"]
     assert answer["at_moved"] < 0.01, "what was moved as an object stays there as an instance"
+
+
+def test_an_artist_sets_up_classes_and_densities_with_mouse_and_keys(package: Path, tmp_path: Path):
+    answer = driven("hand_driver.py", package, tmp_path, "classes")
+    if not answer["mouse"]:
+        pytest.skip("nothing moves the mouse: xdotool is missing")
+    assert answer["muted"] == [True, ["without Beech"]]
+    everything, left, changed = answer["hidden"]
+    assert 0 < left < everything == answer["shown_again"] and changed == ["without Beech"], "an eye needs no run"
+    assert answer["classes"] == ["Fir", "Fir.001", "Beech", "Log"]
+    assert answer["distance"] == ["DISTANCE", 1.5]
+    assert answer["layers"] == ["NOISE", "ALTITUDE"] and answer["layer"] == [0.5, True]
+    assert answer["off"] == [False, True] and answer["left"] == ["NOISE"]
+    assert answer["back"] == [["NOISE", True], ["ALTITUDE", True]]
+    assert answer["followed"] == [[], True]
 
 
 def test_an_artist_adds_another_scatter_with_mouse_and_keys(package: Path, tmp_path: Path):

@@ -13,6 +13,7 @@ from esh.esh_scatter.result.display import followed_targets, our_modifier  # noq
 from esh.esh_scatter.result.node_group import MADE_OF, placed_objects  # noqa: E402
 from esh.esh_scatter.result.result import is_copy  # noqa: E402
 from esh.esh_scatter.solving import live  # noqa: E402
+from esh.esh_scatter.targets import vertex_groups  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -221,7 +222,7 @@ def test_an_obstacle_that_is_moved_away_and_back_leaves_objects_where_they_were(
     assert points().keys() == before.keys() and moved(before, points()).max() < 0.3
 
 
-def test_colors_are_followed_while_they_are_painted_and_weights_when_the_brush_is_lifted(scatter, under_way, follow):
+def test_colors_and_weights_are_followed_while_they_are_painted(scatter, under_way, follow):
     ground = scatter.target.data
     ground.color_attributes.new("wet", "BYTE_COLOR", "POINT")
     ground.attributes["wet"].data.foreach_set("color", np.ones(4 * len(ground.vertices)))
@@ -232,9 +233,27 @@ def test_colors_are_followed_while_they_are_painted_and_weights_when_the_brush_i
     ground.attributes["wet"].data.foreach_set("color", np.repeat(np.where(left, 0.0, 1.0), 4))
     follow()
     assert min(place[0] for place in points("Pine").values()) > -3.0, "the brush is still down"
+    follow()
+    under_way(None)
+    follow()
+    bpy.context.view_layer.objects.active = scatter.target
+    bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
     under_way("PAINT_OT_weight_paint")
-    before = points("Beech")
     scatter.target.vertex_groups["here"].add(np.flatnonzero(left).tolist(), 0.0, "REPLACE")
+    bpy.context.view_layer.update()
+    follow()
+    assert min(place[0] for place in points("Beech").values()) > -3.0, "the brush is still down"
+
+
+def test_weights_of_many_vertices_are_followed_when_the_brush_is_lifted(scatter, monkeypatch, under_way, follow):
+    """They cannot be read without making something in the file."""
+    monkeypatch.setattr(vertex_groups, "MOST_LISTED", 400)
+    switch_on(scatter, follow)
+    before = points("Beech")
+    under_way("PAINT_OT_weight_paint")
+    left = [vertex.index for vertex in scatter.target.data.vertices if vertex.co.x < 0.0]
+    scatter.target.vertex_groups["here"].add(left, 0.0, "REPLACE")
+    bpy.context.view_layer.update()
     follow()
     assert moved(before, points("Beech")).max() == 0.0
     under_way(None)

@@ -5,7 +5,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter.targets.vertex_groups import read_vertex_groups  # noqa: E402
+from esh.esh_scatter.targets import vertex_groups  # noqa: E402
+from esh.esh_scatter.targets.vertex_groups import _copying_group, read_vertex_groups  # noqa: E402
 
 
 @pytest.fixture
@@ -54,18 +55,36 @@ def enter_edit_mode(item):
     bpy.ops.object.mode_set(mode="EDIT")
 
 
+def enter_weight_paint(item):
+    bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
+
+
+def subdivide_and_enter_weight_paint(item):
+    add_subdivision(item)
+    enter_weight_paint(item)
+
+
 def add_to_another_scene(item):
     bpy.data.scenes.new("Other").collection.objects.link(item)
 
 
 @pytest.mark.parametrize(
-    "change", [add_nothing, add_subdivision, add_mirror_and_cut, enter_edit_mode, add_to_another_scene]
+    "change",
+    [
+        add_nothing,
+        add_subdivision,
+        add_mirror_and_cut,
+        enter_edit_mode,
+        enter_weight_paint,
+        subdivide_and_enter_weight_paint,
+        add_to_another_scene,
+    ],
 )
 def test_weights_are_those_of_every_vertex(ball, change):
     change(ball)
     names = ["0", "grass", "position"]
     before, active = everything(), (bpy.context.scene, bpy.context.view_layer, bpy.context.mode)
-    read = read_vertex_groups(evaluated(ball), names, bpy.context)
+    read = read_vertex_groups(evaluated(ball), evaluated(ball).to_mesh(), names, bpy.context)
     assert list(read) == names
     for name, weights in read.items():
         assert 0.0 < weights.max() <= 1.0 and (weights == 0.0).any()
@@ -74,10 +93,26 @@ def test_weights_are_those_of_every_vertex(ball, change):
     assert (bpy.context.scene, bpy.context.view_layer, bpy.context.mode) == active
 
 
+@pytest.mark.parametrize("nodes", [False, True])
+def test_while_weights_are_painted_nothing_is_made_in_the_file(ball, monkeypatch, nodes):
+    if nodes:
+        # They may bring groups of others, by which the numbers of groups are other ones.
+        ball.modifiers.new("Nodes", "NODES")
+    enter_weight_paint(ball)
+    made = []
+    monkeypatch.setattr(vertex_groups, "_copying_group", lambda count: made.append(count) or _copying_group(count))
+    read = read_vertex_groups(evaluated(ball), evaluated(ball).to_mesh(), ["grass"], bpy.context)
+    np.testing.assert_array_equal(read["grass"], listed(ball, "grass"))
+    assert bool(made) == nodes == (not vertex_groups.can_be_listed(evaluated(ball)))
+
+
 def test_no_group_is_no_work_and_a_group_without_weights_is_zero(ball):
     before = everything()
-    assert read_vertex_groups(evaluated(ball), [], bpy.context) == {}
+    assert read_vertex_groups(evaluated(ball), ball.data, [], bpy.context) == {}
     ball.vertex_groups.new(name="empty")
     bpy.context.view_layer.update()
-    np.testing.assert_array_equal(read_vertex_groups(evaluated(ball), ["empty"], bpy.context)["empty"], 0.0)
+    for mode in ("OBJECT", "WEIGHT_PAINT"):
+        bpy.ops.object.mode_set(mode=mode)
+        read = read_vertex_groups(evaluated(ball), evaluated(ball).to_mesh(), ["empty"], bpy.context)
+        np.testing.assert_array_equal(read["empty"], 0.0)
     assert everything() == before
