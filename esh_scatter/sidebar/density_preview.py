@@ -238,16 +238,17 @@ def _draw() -> None:
     if not _preview.batches:
         colors = _preview.colors
         corners = {"pos": colors.position, "color": colors.color}
-        _preview.batches = (
-            batch_for_shader(ground, "TRIS", corners, indices=colors.triangle),
-            batch_for_shader(lines, "LINES", {"pos": colors.needle}),
-        )
+        batches = [batch_for_shader(ground, "TRIS", corners, indices=colors.triangle)]
+        # Blender makes no buffer of nothing.
+        if len(colors.needle):
+            batches.append(batch_for_shader(lines, "LINES", {"pos": colors.needle}))
+        _preview.batches = tuple(batches)
     gpu.state.blend_set("ALPHA")
     gpu.state.depth_test_set("LESS_EQUAL")
     _preview.batches[0].draw(ground)
-    if len(_preview.colors.needle):
+    for needles in _preview.batches[1:]:
         lines.uniform_float("color", NEEDLE_COLOR)
-        _preview.batches[1].draw(lines)
+        needles.draw(lines)
     gpu.state.depth_test_set("NONE")
     gpu.state.blend_set("NONE")
 

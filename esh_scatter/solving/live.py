@@ -190,8 +190,8 @@ class _Live:
         stroke = _stroke()
         if stroke is None:
             return True
-        # Colors and weights are read during the stroke, if that is quick; shapes, and weights for which data is made that a stroke must
-        # not meet, only when the brush is lifted.
+        # Colors and weights are read during the stroke, if that is quick; shapes, and weights for which data is made that a
+        # stroke must not meet, only when the brush is lifted.
         if self._reading >= FOLLOWS_STROKES:
             return False
         return stroke in _COLORS or (stroke == _WEIGHTS and _weights_can_be_listed(context, scatter))

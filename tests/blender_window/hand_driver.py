@@ -22,8 +22,8 @@ SIDE = 20.0
 PRESET = "Mushroom Clusters"
 # Where the fields of the panel of the last operation are, from the mouse that it is opened below, and how far apart [pixels].
 LAST_ACROSS, LAST_DOWN, LINE = 209, 51, 22
-# Where the eyes of the list of classes are, and the buttons beside it, as shares of the sidebar's width.
-EYES, BESIDE = 0.69, 0.93
+# Where the checkboxes and the eyes of the list of classes are, and the buttons beside it, as shares of the sidebar's width.
+CHECKBOXES, EYES, BESIDE = 0.54, 0.61, 0.825
 # Where File is on the screen.
 FILE_MENU = (37, 15)
 OBJECTS = {
@@ -527,7 +527,7 @@ def classes():
     """In the list of the classes one is left out, one hidden, one renamed; one is duplicated and asked for by its distance."""
     top = yield from hand.turn_panel("ESH_PT_classes")
     before = instances()
-    yield from hand.press("classes[1].mute", first=top)
+    yield from hand.press("classes[1].mute", across=CHECKBOXES, first=top)
     answer["muted"] = scatter().classes[1].mute, scatter().changes()
     yield from hand.press("classes[0].show_viewport", across=EYES, first=top)
     answer["hidden"] = before, instances(), scatter().changes()
@@ -535,14 +535,14 @@ def classes():
     yield from hand.keys("ctrl+z")
     yield 0.5
     answer["shown_again"] = instances()
-    yield from hand.press("classes[0].name", across=0.25, first=top, times=2)
+    yield from hand.press("class_index", across=0.2, first=top, times=2)
     yield from hand.keys("ctrl+a")
     yield from hand.write("Fir")
     yield from hand.keys("Return")
     _, y = yield from hand.find("esh.class_add", across=BESIDE, first=top)
     _, _, region = hand._sidebar()
     # The menu is below the buttons that add and remove a class.
-    yield from hand.click((round(region.x + BESIDE * region.width), y + 2 * LINE + 6))
+    yield from hand.click((round(region.x + BESIDE * region.width), y + 2 * LINE - 2))
     take_screenshot("hand-51-menu.png")
     yield from hand.keys("d")
     yield 0.5
@@ -566,22 +566,22 @@ def classes():
 
 def densities():
     """The density of a class gets layers, shown on the ground; one is weakened, turned round, moved and removed."""
-    top = yield from hand.turn_panel("ESH_PT_density", first=60)
-    yield from hand.press("esh_scatter_show_density", first=top)
-    layers = scatter().active_class.layers
-    for number, key in enumerate(("n", "a")):
+    _, shown = yield from hand.press("esh_scatter_show_density")
+    window, _, region = hand._sidebar()
+    top, layers = shown - (window.height - region.y - region.height), scatter().active_class.layers
+    for number, key in enumerate(("n", "s")):
         yield from _add_layer(top, key, f"hand-5{4 + number}-add.png")
     answer["layers"] = [one.kind for one in layers]
     take_screenshot("hand-56-layers.png")
-    yield from hand.press(".strength", first=top, times=2)
+    yield from hand.press("layers[1].strength", first=top, times=2)
     yield from hand.keys("ctrl+a")
     yield from hand.write("0.5")
     yield from hand.keys("Return")
-    yield from hand.press(".invert", first=top)
+    yield from hand.press("layers[1].invert", first=top)
     yield 1.0
     answer["layer"] = round(layers[1].strength, 3), layers[1].invert
     take_screenshot("hand-57-shown.png")
-    yield from hand.press("layers[0].use", across=0.1, first=top)
+    yield from hand.press("layers[0].use", across=0.115, first=top)
     answer["off"] = [one.use for one in layers]
     yield from hand.press("esh.layer_remove", across=BESIDE, first=top)
     answer["left"] = [one.kind for one in layers]
@@ -603,8 +603,9 @@ def _add_layer(top, key, picture):
         _, _, region = hand._sidebar()
         yield from hand.click((round(region.x + BESIDE * region.width), y - LINE))
     else:
-        x, y = on_panel(top, 3.0)
-        yield from hand.click((x - 40, y))
+        # It is below the line that says that there is none.
+        x, y = on_panel(top, 2.0)
+        yield from hand.click((x - 100, y))
     take_screenshot(picture)
     yield from hand.keys(key)
     yield 0.5

@@ -1,7 +1,7 @@
 """Runs inside a windowed Blender: 10,000 objects, Live, and a stroke with the mouse that is followed while it is painted.
 
-The last argument after ``--`` says what is painted: ``image``, ``colors`` or ``weights``. With ``film`` it is an image, for the pictures
-that ``film_strip.py`` joins.
+The last argument after ``--`` says what is painted: ``image``, ``colors`` or ``weights``. With ``film`` it is an image, for the
+pictures that ``film_strip.py`` joins.
 """
 
 import shutil

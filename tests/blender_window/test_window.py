@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -113,18 +114,23 @@ def test_an_artist_changes_things_with_mouse_and_keys(package: Path, tmp_path: P
 
 
 def test_an_artist_sets_up_classes_and_densities_with_mouse_and_keys(package: Path, tmp_path: Path):
+    image = pytest.importorskip("PIL.Image")
     answer = driven("hand_driver.py", package, tmp_path, "classes")
     if not answer["mouse"]:
         pytest.skip("nothing moves the mouse: xdotool is missing")
-    assert answer["muted"] == [True, ["without Beech"]]
+    assert answer["muted"] == [True, ["without Log"]]
     everything, left, changed = answer["hidden"]
-    assert 0 < left < everything == answer["shown_again"] and changed == ["without Beech"], "an eye needs no run"
-    assert answer["classes"] == ["Fir", "Fir.001", "Beech", "Log"]
+    assert 0 < left < everything == answer["shown_again"] and changed == ["without Log"], "an eye needs no run"
+    assert answer["classes"] == ["Fir", "Fir 2", "Log", "Pine"]
     assert answer["distance"] == ["DISTANCE", 1.5]
-    assert answer["layers"] == ["NOISE", "ALTITUDE"] and answer["layer"] == [0.5, True]
+    assert answer["layers"] == ["NOISE", "SLOPE"] and answer["layer"] == [0.5, True]
     assert answer["off"] == [False, True] and answer["left"] == ["NOISE"]
-    assert answer["back"] == [["NOISE", True], ["ALTITUDE", True]]
+    assert answer["back"] == [["NOISE", True], ["SLOPE", True]]
     assert answer["followed"] == [[], True]
+    with image.open(tmp_path / "hand-56-layers.png") as shown:
+        # The ground is brown by itself; shown on it are shades from violet to yellow.
+        ground = np.asarray(shown.convert("RGB").crop((460, 160, 1140, 840)), np.int32)
+    assert (np.ptp(ground, axis=2) > 90).mean() > 0.1
 
 
 def test_an_artist_adds_another_scatter_with_mouse_and_keys(package: Path, tmp_path: Path):
