@@ -82,6 +82,8 @@ class Reason(Enum):
     FEWER_THAN_FIXED = auto()
     # How far a fixed body is away from the surface at least, and the most that it may be [m].
     FIXED_OFF_SURFACE = auto()
+    # How far classes are mixed of which some may overlap, and how far they may be.
+    MIXED_TOO_MUCH = auto()
     # Numbers that are not finite, and how many may be so.
     FORCES_NOT_FINITE = auto()
     # GPUs that were asked for, and that there are.

@@ -172,7 +172,8 @@ def check_class_matrix(
         most = math.floor(1e3 / (1.0 - smallest)) / 1e3
         raise ProblemError(
             f"{key} cannot be combined with {lower} {class_separation:g}, because their interaction matrix would have the "
-            f"eigenvalue {eigenvalue:.3g}, which is below 0; lower {lower} to {most:g} or less"
+            f"eigenvalue {eigenvalue:.3g}, which is below 0; lower {lower} to {most:g} or less",
+            Refusal(Reason.MIXED_TOO_MUCH, class_separation, most),
         )
 
 

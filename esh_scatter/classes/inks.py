@@ -12,6 +12,7 @@ from ...engine.problem.color_separation import MODELS, Ink, separate
 from ...engine.surface.chart import Chart
 from ..densities.image_pixels import image_pixels
 from .flat_objects import lift_for
+from .name_lists import joined_names
 from .stand_ins import colored_material
 
 __all__ = ["add_ink_classes"]
@@ -48,8 +49,7 @@ def add_ink_classes(
             f'`image` "{image.name}" needs no ink for half a dot of {dot_area:g} m²; make the dots smaller'
         )
     matrix = np.asarray(found.non_overlap)
-    # Lists of names are separated by commas.
-    stem = image.name.replace(",", " ")
+    stem = image.name
     names: dict[int, str] = {}
     # Dots of several inks lie on each other: each ink in a plane of its own, the first of them off the ground.
     lift = lift_for(2.0 * math.sqrt(dot_area / math.pi), 0.0)
@@ -71,7 +71,7 @@ def add_ink_classes(
         size.source_object = _disc(f"{ink.name} dot", ink, dot_area)
     for index, name in names.items():
         body_class = next(c for c in scatter.classes if c.name == name)
-        body_class.may_overlap = ", ".join(names[other] for other in names if matrix[index, other] == 0.0)
+        body_class.may_overlap = joined_names(names[other] for other in names if matrix[index, other] == 0.0)
     scatter.avoid_overlap = False
     return len(names)
 

@@ -10,6 +10,7 @@ import bpy
 
 from ...engine.errors import EshError, ProblemError
 from ...engine.problem.validation import show
+from ..classes.name_lists import joined_names
 from ..classes.stand_ins import stand_in
 from ..densities.density_curve import curve_node
 from ..targets.target import extent_of, members_of
@@ -118,8 +119,7 @@ def apply_preset(
     made = []
     for one in preset["classes"]:
         body_class = scatter.add_class()
-        # Lists of names are separated by commas.
-        body_class.name = one["name"].replace(",", " ")
+        body_class.name = one["name"]
         body_class.color = one.get("color", body_class.color[:])
         made.append(body_class)
     held = {}
@@ -139,7 +139,7 @@ def _fill(
     """Give a class its settings, and return how many objects it would take to cover what the preset says; 0 where it says a count."""
     where = f'class "{one["name"]}"'
     _set(body_class, one.get("settings", {}), f"settings of {where}", _NOT_OF_CLASSES)
-    body_class.may_overlap = ", ".join(one.get("may_overlap", ()))
+    body_class.may_overlap = joined_names(one.get("may_overlap", ()))
     for number, values in enumerate(one.get("sizes", ())):
         size = body_class.sizes[0] if number == 0 else body_class.add_size()
         _set(size, values, f"sizes of {where}", ())

@@ -244,8 +244,7 @@ def add_classes(scatter: ESH_PG_scatter, measured: Sequence[Measured], counts: S
     made = []
     for one, count in zip(measured, counts, strict=True):
         body_class = scatter.add_class()
-        # Lists of names are separated by commas.
-        name = one.item.name.replace(",", " ")
+        name = one.item.name
         body_class.name = unused_name(name, {other.name for other in scatter.classes[:-1]})
         size = body_class.sizes[0]
         size.count = count

@@ -12,6 +12,7 @@ import bpy
 from bpy.props import EnumProperty, StringProperty
 
 from ..classes.flat_objects import lift_of_class
+from ..classes.name_lists import joined_names
 from ..classes.sunk_objects import sunk_share_of_class
 from ..editing.class_copy import CLASS_PARTS, copy_class
 from ..properties.body_class import ESH_PG_class
@@ -211,9 +212,9 @@ class ESH_OT_class_overlap(ClassEdit):
             return {"CANCELLED"}
         if mine.overlaps_with(other):
             for one, two in ((mine, other), (other, mine)):
-                one.may_overlap = ", ".join(sorted(one.names_that_may_overlap - {two.name}))
+                one.may_overlap = joined_names(one.names_that_may_overlap - {two.name})
         else:
-            mine.may_overlap = ", ".join(sorted(mine.names_that_may_overlap | {other.name}))
+            mine.may_overlap = joined_names(mine.names_that_may_overlap | {other.name})
         return {"FINISHED"}
 
 

@@ -24,6 +24,7 @@ from ...engine.problem.look_at import LookAt
 from ...engine.problem.scatter_settings import Standing
 from ...engine.problem.settings import settings_of
 from ..classes.amount import Amount
+from ..classes.name_lists import names_in
 from ..result.scene_units import area_unit, in_scene_units
 from ..targets.target import DOMAINS, VECTOR
 from .deleted import deleted_name
@@ -179,7 +180,8 @@ class ESH_PG_class(PropertyGroup):
     )
     may_overlap: StringProperty(
         name="May Overlap",
-        description="Names of classes that may overlap this one, separated by commas. For example inks that mix",
+        description="Names of classes that may overlap this one, separated by commas; a name with a comma is in quotation marks. "
+        "For example inks that mix",
     )
     count_kind: EnumProperty(
         name="How Many",
@@ -241,7 +243,7 @@ class ESH_PG_class(PropertyGroup):
     @property
     def names_that_may_overlap(self) -> set[str]:
         """Names of the classes that may lie on this one."""
-        return {part.strip() for part in self.may_overlap.split(",")} - {""}
+        return names_in(self.may_overlap)
 
     def overlaps_with(self, other: "ESH_PG_class") -> bool:
         """Tell whether this class and another may lie on each other."""

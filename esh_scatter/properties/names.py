@@ -7,6 +7,8 @@ from itertools import count
 
 from bpy.types import Object, PropertyGroup
 
+from ..classes.name_lists import joined_names
+
 __all__ = [
     "NEW_CLASS",
     "class_of",
@@ -61,8 +63,7 @@ def name_class_after(size: PropertyGroup) -> None:
     stem, _, number = body_class.name.rpartition(" ")
     has_own = body_class.name != NEW_CLASS and not (stem == NEW_CLASS and number.isdecimal())
     if size.source is not None and len(body_class.sizes) == 1 and not has_own:
-        # Lists of names are separated by commas.
-        body_class.name = size.source.name.replace(",", " ")
+        body_class.name = size.source.name
 
 
 def class_renamed(item: PropertyGroup, context: object) -> None:
@@ -73,7 +74,7 @@ def class_renamed(item: PropertyGroup, context: object) -> None:
         for other in scatter_of(item).classes:
             if before in other.names_that_may_overlap:
                 others = other.names_that_may_overlap - {before} | {item.name}
-                other.may_overlap = ", ".join(sorted(others))
+                other.may_overlap = joined_names(others)
 
 
 def scatter_renamed(item: PropertyGroup, _context: object) -> None:

@@ -15,6 +15,7 @@ from bpy.types import PropertyGroup
 
 from ...engine.problem.scatter_settings import ScatterSettings, Standing
 from ...engine.problem.settings import settings_of
+from ..classes.name_lists import joined_names
 from ..result import words
 from ..targets import checksums
 from . import settings_record
@@ -193,7 +194,7 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         self.classes.remove(index)
         for other in self.classes:
             if name in other.names_that_may_overlap:
-                other.may_overlap = ", ".join(sorted(other.names_that_may_overlap - {name}))
+                other.may_overlap = joined_names(other.names_that_may_overlap - {name})
         self.class_index = max(0, min(self.class_index, len(self.classes) - 1))
 
     def result_in(self, scene: bpy.types.Scene) -> bpy.types.Object | None:

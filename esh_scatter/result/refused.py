@@ -77,6 +77,10 @@ _SENTENCES = {
     Reason.ALL_FIXED: "All objects are pinned: unpin some, or raise a count",
     Reason.FEWER_THAN_FIXED: "{who}: {limit_number} of its objects are pinned, more than its count of {given_number}: raise it",
     Reason.FIXED_OFF_SURFACE: "A pinned object is more than {limit} away from the target: move it back, or unpin it",
+    Reason.MIXED_TOO_MUCH: (
+        "Classes that keep apart from some and may overlap others cannot be mixed so much: lower Mix Classes to {limit_share}, or "
+        "change which May Overlap"
+    ),
     Reason.FORCES_NOT_FINITE: "The objects differ too much in size: make them more alike, or lower Favor Large",
     Reason.NO_SUCH_DEVICE: "This computer has no such NVIDIA GPU, or no driver for it: set Device to Automatic or CPU",
 }

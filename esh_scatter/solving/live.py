@@ -60,6 +60,8 @@ _KINDS = ("OBJECT", "MESH", "IMAGE")
 
 # Scatters that are followed, by the scene's number and their own.
 _followed: dict[tuple[int, int], _Live] = {}
+# Solvers that were let go, whose threads may still be there.
+_ending: list[LiveWorker] = []
 # When something was last said to change.
 _last_sign = 0.0
 
@@ -93,10 +95,13 @@ class _Live:
         self._points: int | None = None
         # What was written before, by checksums of all that stands there, as long as the solver can go back to it.
         self._earlier: weakref.WeakValueDictionary[int, ScatterJob] = weakref.WeakValueDictionary()
+        # What has followed a stroke as one, by the checksums of what its parts had left: an undo step holds one of these.
+        self._as_one: weakref.WeakValueDictionary[int, ScatterJob] = weakref.WeakValueDictionary()
+        self._left: list[int] = []
         # And what it was made with, and its report.
         self._written: tuple[str, str] | None = None
         self._submitted_at = 0.0
-        self.message = ""
+        self.message = self._refused = ""
         self.seconds = 0.0
 
     @property
@@ -125,6 +130,15 @@ class _Live:
     def end(self) -> None:
         """Let the solver go."""
         self._worker.end()
+        _ending.append(self._worker)
+
+    def rests(self) -> bool:
+        """Have its thread rest; tell whether it does."""
+        return self._worker.rests()
+
+    def go_on(self) -> None:
+        """Let its thread go on."""
+        self._worker.go_on()
 
     def join(self) -> None:
         """Wait for the solver to be gone."""
@@ -154,20 +168,25 @@ class _Live:
             _stopped[context.scene.session_uid, scatter.uid] = f"Live stopped: {why}"
             running.redraw_sidebars()
             return False
-        if self._waiting is not None and _may_write(scatter):
-            outcome, self._waiting = self._waiting, None
-            # What was asked for before the result became another one is not for that.
-            if outcome.request is self._asked:
-                self._show(context, scatter, outcome)
-        if takes_edits:
-            attentive = time.monotonic() - _last_sign < ATTENTIVE or _stroke() is not None
-            if self._time_to_look(context, scatter, attentive) and self._worker.rests():
-                try:
+        attentive = time.monotonic() - _last_sign < ATTENTIVE or _stroke() is not None
+        writes = self._waiting is not None and _may_write(scatter)
+        reads = takes_edits and self._time_to_look(attentive)
+        if (writes or reads) and _all_rest():
+            try:
+                if writes:
+                    self._write(context, scatter)
+                if reads and _can_be_read(context, scatter):
                     with checksums.at_most(SHARE_ATTENTIVE if attentive else SHARE_AT_REST):
                         self._submit(context, scatter)
-                finally:
-                    self._worker.go_on()
+            finally:
+                _go_on()
         return True
+
+    def _write(self, context: bpy.types.Context, scatter: Scatter) -> None:
+        """Show what waits, unless the result became another one since that was asked for."""
+        outcome, self._waiting = self._waiting, None
+        if outcome is not None and outcome.request is self._asked:
+            self._show(context, scatter, outcome)
 
     def _gone(self, context: bpy.types.Context, scatter: Scatter) -> str:
         """Return what is no longer there, as a sentence; empty where all is."""
@@ -184,17 +203,12 @@ class _Live:
         deleted = [c.name for c in scatter.classes if not c.mute and c.deleted]
         return f"an object of {deleted[0]} was deleted" if deleted else ""
 
-    def _time_to_look(self, context: bpy.types.Context, scatter: Scatter, attentive: bool) -> bool:
+    def _time_to_look(self, attentive: bool) -> bool:
         if not attentive and time.monotonic() - self._looked < AT_REST:
             return False
         stroke = _stroke()
-        if stroke is None:
-            return True
-        # Colors and weights are read during the stroke, if that is quick; shapes, and weights for which data is made that a
-        # stroke must not meet, only when the brush is lifted.
-        if self._reading >= FOLLOWS_STROKES:
-            return False
-        return stroke in _COLORS or (stroke == _WEIGHTS and _weights_can_be_listed(context, scatter))
+        # Colors and weights are read during the stroke, if that is quick; shapes only when the brush is lifted.
+        return stroke is None or (stroke in _COLORS | {_WEIGHTS} and self._reading < FOLLOWS_STROKES)
 
     def _submit(self, context: bpy.types.Context, scatter: Scatter) -> None:
         """Have the scatter solved as it is now, if it differs from what was solved last."""
@@ -204,13 +218,8 @@ class _Live:
 
         self._looked = time.monotonic()
         result = scatter.result_in(context.scene)
-        # What is edited is followed once that is done.
-        edited = [item for item in (*scatter.targets, result) if item is not None and item.mode == "EDIT"]
-        if edited or scatter.obstacle(context.scene):
-            self._say(scatter.obstacle(context.scene) or "")
-            return
-        if result is not None and real_objects_of(result) is not None:
-            self._say("Its instances are real objects: click Back to Instances first")
+        if self._has_to_wait(context, scatter, result):
+            self._parts = 0
             return
         goes_on = _is_under_way()
         # What is told of a while ago lacks the end of a stroke.
@@ -218,6 +227,7 @@ class _Live:
             record = scatter.record()
         made_with = json.dumps(record, separators=(",", ":"))
         if made_with == self._told:
+            self._say(self._refused)
             if not goes_on:
                 self._follow_as_one()
             return
@@ -233,31 +243,49 @@ class _Live:
             job = ScatterJob(*positional, **named, prepare=False)
             places = places_in_order(result) if result is not None and (first or not self._worker.has_solver) else None
             anew = scatter.has_other_border(record) if first else _needs_a_new_start(self._record, record)
-            ready_only = first and bool(scatter.report_json) and not scatter.outdated
+            # Of a copy that has settings of its own there is no report.
+            ready_only = first and result is not None and not scatter.outdated
             # Counts may be others than those that are there, since it was off.
             before = None
             if result is not None and places is not None and not (anew or ready_only):
                 before = job_as_placed(result, places, positional, named)
         except EshError as error:
-            self._told, self._record, self._parts = made_with, record, 0
-            self._say(as_sentence(error))
+            self._told, self._record = made_with, record
+            self._refuse(as_sentence(error))
             return
         self._reading = time.thread_time() - start
-        self._say("")
+        self._refuse("")
         few_steps = before is not None and scatter.only_counts_changed(record)
         self._told, self._record = made_with, record
         self._submitted_at = time.perf_counter()
-        back_to = None
+        back_to, as_one = None, bool(self._parts) and not goes_on and self._worker.knows_beginning
         if first and result is not None and _points_of(result) is not None:
             stands = _standing_of(result)
-            back_to = self._earlier.get(stands)
+            back_to = self._as_one.get(stands)
+            if back_to is not None:
+                # Undo and redo lead to the last part of a stroke, and not to what has followed it as one.
+                as_one, ready_only = ready_only, False
+            else:
+                back_to = self._earlier.get(stands)
             if back_to is None and not anew:
                 # It begins with these.
                 self._earlier[stands] = job if before is None else before[0]
         start_at = None if anew else places
-        begins, as_one = goes_on and not self._parts, bool(self._parts) and not goes_on and self._worker.knows_beginning
+        begins, part = goes_on and not self._parts, goes_on and self._parts > 0
         self._parts = self._parts + 1 if goes_on and not (first or anew) else 0
-        self._ask(Request(job, made_with, anew, start_at, before, few_steps, ready_only, back_to, begins, as_one))
+        request = Request(job, made_with, anew, start_at, before, few_steps, ready_only, back_to)
+        self._ask(replace(request, begins=begins, part=part, as_one=as_one))
+
+    def _has_to_wait(self, context: bpy.types.Context, scatter: Scatter, result: bpy.types.Object | None) -> bool:
+        """Tell whether nothing can be solved now, and say why; what is edited is followed once that is done."""
+        edited = [item for item in (*scatter.targets, result) if item is not None and item.mode == "EDIT"]
+        if edited or scatter.obstacle(context.scene):
+            self._say(scatter.obstacle(context.scene) or "")
+            return True
+        if result is not None and real_objects_of(result) is not None:
+            self._say("Its instances are real objects: click Back to Instances first")
+            return True
+        return False
 
     def _ask(self, request: Request) -> None:
         self._asked = request
@@ -270,13 +298,13 @@ class _Live:
         if in_parts and self._asked is not None:
             self._submitted_at = time.perf_counter()
             # Somebody may be writing the one that was shown.
-            self._ask(replace(self._asked, job=copy.copy(self._asked.job), back_to=None, begins=False, as_one=True))
+            job = copy.copy(self._asked.job)
+            self._ask(replace(self._asked, job=job, back_to=None, begins=False, part=False, as_one=True))
 
     def _show(self, context: bpy.types.Context, scatter: Scatter, outcome: Outcome) -> None:
         """Write what came out into the result."""
         if outcome.error is not None:
-            self._parts = 0
-            self._say(as_sentence(outcome.error))
+            self._refuse(as_sentence(outcome.error))
             return
         job, placement = outcome.job, outcome.placement
         assert job is not None and placement is not None
@@ -286,7 +314,7 @@ class _Live:
             try:
                 result, _ = job.show(context)
             except EshError as error:
-                self._say(as_sentence(error))
+                self._refuse(as_sentence(error))
                 return
             undo_steps.note(before, scatter, result, _scatter_of)
             self.seconds = time.perf_counter() - self._submitted_at
@@ -301,9 +329,26 @@ class _Live:
             _show_since(scatter, job, result)
             self._shown, self._points = job, _points_of(result)
             if self._points is not None:
-                self._earlier[_standing_of(result)] = job
+                stands = _standing_of(result)
+                self._earlier[stands] = job
+                self._note_parts(outcome.request, stands, job)
         self._written = scatter.ran_with, scatter.report_json
         running.redraw_sidebars()
+
+    def _note_parts(self, request: Request, stands: int, job: ScatterJob) -> None:
+        """Know what has come of a stroke in the end, wherever its parts have led."""
+        if request.as_one:
+            again = [left for left, led_to in self._as_one.items() if led_to is request.back_to]
+            self._as_one.update(dict.fromkeys(self._left + again, job))
+        if not request.part:
+            self._left.clear()
+        if request.begins or request.part:
+            self._left.append(stands)
+
+    def _refuse(self, message: str) -> None:
+        """Say what is wrong with what was asked for last, for as long as nothing else is."""
+        self._refused = message
+        self._say(message)
 
     def _say(self, message: str) -> None:
         if message != self.message:
@@ -403,8 +448,26 @@ def _find() -> None:
                 _followed[key] = _Live(scene, scatter)
 
 
-def _weights_can_be_listed(context: bpy.types.Context, scatter: Scatter) -> bool:
-    """Tell whether nothing has to be made in the file for reading the weights of its targets."""
+def _all_rest() -> bool:
+    """Have the threads of all scatters rest until :func:`_go_on`, also those that are to end; tell whether they do.
+
+    ``evaluated_depsgraph_get`` lets go of Python's lock. Where a context was overridden, as here, Blender then reads a dictionary
+    of Python's: without the lock, if it takes another thread's for its own. Blender crashes as soon as that thread lets go of it.
+    """
+    _ending[:] = [worker for worker in _ending if worker.running]
+    rest = [one.rests() for one in list(_followed.values())]
+    return all(rest) and not _ending
+
+
+def _go_on() -> None:
+    for one in list(_followed.values()):
+        one.go_on()
+
+
+def _can_be_read(context: bpy.types.Context, scatter: Scatter) -> bool:
+    """Tell whether no stroke is under way that data must not meet which has to be made for reading weights."""
+    if _stroke() != _WEIGHTS:
+        return True
     depsgraph = context.evaluated_depsgraph_get()
     return all(can_be_listed(target.evaluated_get(depsgraph)) for target in scatter.targets if target.vertex_groups)
 

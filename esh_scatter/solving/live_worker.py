@@ -47,8 +47,9 @@ class Request:
         ready_only: Whether they are where this request would have them, so that there is nothing to solve yet.
         back_to: The job that has placed them where they are, if it was one of this worker.
         begins: Whether it is the first of several that follow a stroke while it is made.
+        part: Whether it is a later one.
         as_one: Whether the stroke has ended: it is followed as a whole, from where bodies were when it began. Each part on its own has
-            bodies move on a little, wherever they are.
+            bodies move on a little, wherever they are. With ``back_to`` that is where it has led once.
     """
 
     job: ScatterJob
@@ -60,6 +61,7 @@ class Request:
     ready_only: bool = False
     back_to: ScatterJob | None = None
     begins: bool = False
+    part: bool = False
     as_one: bool = False
 
 
@@ -158,9 +160,10 @@ class LiveWorker:
         Blender lets go of Python's lock while it works out what is asked of it, and has crashed where another thread worked in Python.
         """
         with self._change:
-            self._asked_to_rest = self._busy
+            # What it was asked for, it begins with at any moment.
+            self._asked_to_rest = self.busy
             self._held = self._rests
-            return self._held or not self._busy
+            return self._held or not self._asked_to_rest
 
     def go_on(self) -> None:
         """Let the thread go on, once what was to be read has been."""
@@ -221,19 +224,19 @@ class LiveWorker:
     def _solve(self, request: Request) -> None:
         start = time.perf_counter()
         job = request.job
+        if request.begins:
+            self._forget_beginning()
         job.survey = self._survey
         job.prepare()
         in_full = False
-        if request.as_one and (beginning := self._back_to_beginning(request)) is not None:
-            steps = 0 if request.made_with == beginning.made_with else self._edit(job)
-        elif self._goes_back(request):
+        if self._goes_back(request):
             if request.ready_only:
                 return
-            self._mark_beginning(request)
-            steps = self._edit(job)
+            steps = 0 if request.as_one else self._edit(request)
+        elif request.as_one and (beginning := self._back_to_beginning(request)) is not None:
+            steps = 0 if request.made_with == beginning.made_with else self._edit(request)
         elif self._can_go_on(request):
-            self._mark_beginning(request)
-            steps = self._edit(job)
+            steps = self._edit(request)
         else:
             self._unevenness = 0.0
             started = self._begin(request)
@@ -279,25 +282,21 @@ class LiveWorker:
         self._unevenness = unevenness(report.to_dict())
         return True
 
-    def _edit(self, job: ScatterJob) -> int:
+    def _edit(self, request: Request) -> int:
         assert self._solver is not None
-        self._remember()
+        if not request.part:
+            # Undo does not lead to what the parts of a stroke have left.
+            self._remember()
         self._shown = None
+        if request.begins and self._solver.model.body_count <= MOST_BODIES_EARLIER:
+            self._beginning = _Beginning(self._made_with, self._solver.bookmark())
         try:
             with self._solver.launcher.interruptible(self._drop_if_ended):
-                return self._solver.edit(job.problem).steps
+                return self._solver.edit(request.job.problem).steps
         except EshError:
             # Who knows how far it came.
             self._close()
             raise
-
-    def _mark_beginning(self, request: Request) -> None:
-        """Know where bodies are where a stroke begins."""
-        if not request.begins:
-            return
-        self._forget_beginning()
-        if self._solver is not None and self._solver.model.body_count <= MOST_BODIES_EARLIER:
-            self._beginning = _Beginning(self._made_with, self._solver.bookmark())
 
     def _back_to_beginning(self, request: Request) -> _Beginning | None:
         """Go back to where a stroke began, if that is known and can be gone on from; return where that is."""
@@ -343,9 +342,10 @@ class LiveWorker:
             # Redo may come back to what is there now.
             self._remember(earlier)
             self._earlier.remove(earlier)
-            self._earlier.append(earlier)
+            self._earlier.append(earlier._replace(job=request.job) if request.as_one else earlier)
             self._solver.go_back(earlier.bookmark)
-        self._made = self._shown = request.back_to
+        # What is shown once more is known by the job that shows it.
+        self._made = self._shown = request.job if request.as_one else request.back_to
         self._made_with = request.made_with if request.ready_only else ""
         return True
 
@@ -410,6 +410,7 @@ class LiveWorker:
             raise _DroppedError
 
     def _drop_if_ended(self) -> None:
+        self._go_on()
         if self._ended:
             raise _DroppedError
 

@@ -49,6 +49,9 @@ def driven(name: str, package: Path, folder: Path, *arguments: str, seconds: flo
     assert answer_file.exists(), finished.stdout[-2000:] + finished.stderr[-2000:]
     answer = json.loads(answer_file.read_text(encoding="utf-8"))
     assert "error" not in answer, answer["error"]
+    # What fails while a window is drawn, or in a timer, is said there alone.
+    said = finished.stdout + finished.stderr
+    assert "Traceback" not in said, said[said.find("Traceback") :][:2000]
     _installed.add(package)
     return answer
 

@@ -51,6 +51,15 @@ def scatter():
     return made
 
 
+def paint(value, columns=64, name="mask.png"):
+    """Give the leftmost columns of an image a value."""
+    image = bpy.data.images[name]
+    pixels = np.empty(64 * 64 * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    pixels.reshape(64, 64, 4)[:, :columns, :3] = value
+    image.pixels.foreach_set(pixels)
+
+
 def active():
     return bpy.context.scene.esh_scatter.active
 
@@ -220,6 +229,153 @@ def test_an_obstacle_that_is_moved_away_and_back_leaves_objects_where_they_were(
     under_way(None)
     follow()
     assert points().keys() == before.keys() and moved(before, points()).max() < 0.3
+
+
+def test_an_error_in_the_middle_of_a_stroke_leaves_its_beginning_known(scatter, under_way, follow):
+    scatter.classes["Pine"].sizes[0].count = scatter.classes["Beech"].sizes[0].count = 1000
+    before = switch_on(scatter, follow)
+    paint(0.5)
+    under_way("PAINT_OT_image_paint")
+    for columns in range(1, 13):
+        if columns == 6:
+            paint(0.0)
+            follow()
+            assert "is 0 everywhere" in live.status(bpy.context.scene, scatter)
+            paint(0.5)
+        paint(0.0, columns)
+        follow()
+    under_way(None)
+    follow()
+    assert live.status(bpy.context.scene, scatter) == "" and not active().outdated
+    far = moved({n: p for n, p in before.items() if p[0] > 0.0}, points("Beech"))
+    assert np.median(far) < 0.15
+
+
+def test_undo_and_redo_lead_to_what_has_followed_strokes_as_one(scatter, under_way, follow):
+    """Undo steps hold what the last part of a stroke had left: they are made when the operator ends."""
+    bpy.ops.mesh.primitive_cube_add(size=6.0, location=(12.0, 0.0, 0.0))
+    bpy.context.object.name = "Rock"
+    scatter.obstacles.add().item = bpy.context.object
+    bpy.ops.ed.undo_push(message="before")
+    there = [switch_on(scatter, follow)]
+    bpy.ops.ed.undo_push(message="live")
+    for _ in range(3):
+        under_way("TRANSFORM_OT_translate")
+        for _ in range(4):
+            bpy.data.objects["Rock"].location.x -= 1.0
+            bpy.context.view_layer.update()
+            follow()
+        bpy.ops.ed.undo_push(message="drag")
+        under_way(None)
+        follow()
+        there.append(points())
+
+    def assert_stands(number):
+        follow()
+        now = points()
+        assert now.keys() == there[number].keys() and moved(there[number], now).max() < 1e-5 and not active().outdated
+
+    for number in (2, 1, 0):
+        bpy.ops.ed.undo()
+        assert_stands(number)
+    for number in (1, 2, 3):
+        bpy.ops.ed.redo()
+        assert_stands(number)
+
+
+@pytest.mark.parametrize("then", ["edited", "real"])
+def test_what_is_edited_right_after_a_stroke_is_at_rest(scatter, under_way, follow, then):
+    switch_on(scatter, follow)
+    under_way("PAINT_OT_image_paint")
+    for columns in range(1, 5):
+        paint(0.0, columns)
+        follow()
+    under_way(None)
+    if then == "edited":
+        bpy.ops.object.select_all(action="DESELECT")
+        bpy.context.view_layer.objects.active = scatter.result
+        bpy.ops.object.mode_set(mode="EDIT")
+    else:
+        bpy.ops.esh.instances_make_real()
+    follow()
+    assert not live.is_busy(bpy.context.scene, scatter)
+    if then == "edited":
+        bpy.ops.object.mode_set(mode="OBJECT")
+    else:
+        assert "real objects" in live.status(bpy.context.scene, scatter)
+        bpy.ops.esh.instances_from_real()
+    follow()
+    assert live.status(bpy.context.scene, scatter) == "" and not active().outdated and len(points()) == 400
+
+
+def test_what_was_wrong_is_said_no_longer_once_it_is_as_before(scatter, follow):
+    switch_on(scatter, follow)
+    for body_class in scatter.classes:
+        body_class.mute = True
+    follow()
+    assert "muted" in live.status(bpy.context.scene, scatter)
+    for body_class in scatter.classes:
+        body_class.mute = False
+    follow()
+    assert live.status(bpy.context.scene, scatter) == ""
+
+
+def test_all_solvers_rest_while_blenders_data_are_read_for_one_scatter(scatter, under_way, follow, monkeypatch):
+    """Blender crashed: what reads for one lets go of Python's lock, and another one's thread had it."""
+    bpy.ops.esh.scatter()
+    other = bpy.context.scene.esh_scatter.add_scatter(scatter.target)
+    stone = other.add_class()
+    stone.name, stone.sizes[0].source_object, stone.sizes[0].count = "Stone", bpy.data.objects["Beech"], 100
+    stone.add_layer("IMAGE", image=bpy.data.images["mask.png"])
+    other.device, other.max_steps = "CPU", 40
+    bpy.ops.esh.scatter_choose(index=1)
+    bpy.ops.esh.scatter()
+    scatters = bpy.context.scene.esh_scatter.scatters
+    for one in scatters:
+        one.live = True
+    follow()
+    seen, looks = [], {"_submit": live._Live._submit, "_show": live._Live._show}
+
+    def watched(name):
+        def look(self, *arguments):
+            workers = [one._worker for one in live._followed.values()]
+            seen.append(name)
+            assert all(worker._held or not worker._busy for worker in workers)
+            looks[name](self, *arguments)
+            # Its own may have begun with what it was asked for.
+            assert all(worker._held or not worker._busy or worker is self._worker for worker in workers)
+
+        return look
+
+    for name in looks:
+        monkeypatch.setattr(live._Live, name, watched(name))
+    under_way("PAINT_OT_image_paint")
+    for columns in (4, 8, 12):
+        paint(0.0, columns)
+        follow()
+    under_way(None)
+    follow()
+    assert {"_submit", "_show"} == set(seen) and not any(one.outdated for one in scatters)
+
+
+def test_a_copy_with_settings_of_its_own_is_not_moved_when_it_is_followed(scatter, follow):
+    bpy.ops.esh.scatter()
+    result = scatter.result
+    bpy.ops.object.select_all(action="DESELECT")
+    result.select_set(True)
+    bpy.context.view_layer.objects.active = result
+    bpy.ops.object.duplicate(linked=False)
+    bpy.ops.esh.scatter_of_copy()
+    scatters = bpy.context.scene.esh_scatter
+    (own,) = (one for one in scatters.scatters if one.result == bpy.context.view_layer.objects.active)
+    scatters.scatter_index = list(scatters.scatters).index(own)
+    before = points()
+    own.live = True
+    follow()
+    assert points().keys() == before.keys() and moved(before, points()).max() == 0.0
+    own.classes[0].sizes[0].count += 10
+    follow()
+    assert len(points()) == len(before) + 10
 
 
 def test_colors_and_weights_are_followed_while_they_are_painted(scatter, under_way, follow):

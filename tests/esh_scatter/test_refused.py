@@ -162,6 +162,7 @@ REFUSED = {
             Size("s", 0.1, 1), domain=surface(), fixed=[FixedBodies(position=np.array([[1.0, 1.0, 9.0]]), area=0.1)]
         )
     ),
+    Reason.MIXED_TOO_MUCH: lambda: Balance(class_separation=0.9, non_overlap=[[1, 1, 0], [1, 1, 1], [0, 1, 1]]),
     Reason.FORCES_NOT_FINITE: overflowing,
     Reason.NO_SUCH_DEVICE: lambda: resolve_device("cuda:99"),
 }

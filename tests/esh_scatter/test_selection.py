@@ -571,6 +571,18 @@ def test_may_overlap_is_switched_for_both(scatter):
         bpy.ops.esh.class_overlap(other="Tree")
 
 
+def test_a_class_with_a_comma_in_its_name_may_overlap(scatter):
+    tree, log, pebble = scatter.classes
+    log.name = "Pebble, Log"
+    scatter.class_index = 0
+    bpy.ops.esh.class_overlap(other="Pebble, Log")
+    assert tree.overlaps_with(log) and not tree.overlaps_with(pebble)
+    log.name = "Oak, red"
+    assert tree.overlaps_with(log)
+    bpy.ops.esh.class_overlap(other="Oak, red")
+    assert not tree.overlaps_with(log) and tree.may_overlap == ""
+
+
 def test_another_scatter_is_chosen(scatter, ground):
     bpy.context.scene.esh_scatter.add_scatter(ground)
     bpy.ops.esh.scatter_choose(index=0)
