@@ -13,6 +13,7 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
+from ..targets.depsgraph import evaluated_depsgraph
 from ..targets.target import head_of, shown_collection
 from .node_tree import Socket, Tree
 
@@ -38,7 +39,7 @@ def is_shown_as_it_is(item: bpy.types.Object, context: bpy.types.Context) -> boo
         return shown_collection(item) is None
     if any(modifier.type == "NODES" for modifier in item.modifiers):
         return False
-    evaluated = item.evaluated_get(context.evaluated_depsgraph_get())
+    evaluated = item.evaluated_get(evaluated_depsgraph(context))
     if not evaluated.is_evaluated:
         return not _differs_evaluated(item)
     axes = np.array(evaluated.matrix_world)[:3, :3].T
@@ -72,7 +73,7 @@ def realized(
         _build(tree, item)
         looking.modifiers.new("Measure", "NODES").node_group = tree.group
         context.scene.collection.objects.link(looking)
-        evaluated = looking.evaluated_get(context.evaluated_depsgraph_get())
+        evaluated = looking.evaluated_get(evaluated_depsgraph(context))
         try:
             yield evaluated.to_mesh() if evaluated.is_evaluated else None
         finally:

@@ -12,6 +12,7 @@ import numpy as np
 from ...engine.errors import ProblemError
 from ...engine.problem.settings import Choice, described, setting
 from ...engine.problem.validation import show
+from ..targets.depsgraph import evaluated_depsgraph
 from ..targets.target import check_exists, world_matrix
 from .density_source import DensityReader, DensitySource, Known
 from .ground_densities import within
@@ -207,7 +208,7 @@ class CameraDensity(DensitySource):
         check_exists(camera, key)
         render = context.scene.render
         projection = camera.calc_matrix_camera(
-            context.evaluated_depsgraph_get(),
+            evaluated_depsgraph(context),
             x=render.resolution_x,
             y=render.resolution_y,
             scale_x=render.pixel_aspect_x,

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...engine.errors import ProblemError
 from ...engine.problem.validation import show
+from ..targets.depsgraph import evaluated_depsgraph
 from ..targets.evaluated_mesh import evaluated_mesh, vertices_in_world
 from ..targets.target import check_exists, is_result, read_triangles, world_matrix
 from .density_source import Known, checksum
@@ -154,7 +155,7 @@ def _may_instance(item: bpy.types.Object) -> bool:
 def _instances_of(item: bpy.types.Object, context: bpy.types.Context) -> Iterator[_Shape]:
     """Give what an object shows of others: of each a convex outline, as of what is scattered. There may be very many of them."""
     found: dict[int, tuple[np.ndarray, list[np.ndarray]]] = {}
-    for one in context.evaluated_depsgraph_get().object_instances:
+    for one in evaluated_depsgraph(context).object_instances:
         if not one.is_instance or one.parent is None or one.parent.original != item:
             continue
         mesh = one.object.data

@@ -13,6 +13,7 @@ import numpy as np
 from mathutils import Matrix, Quaternion
 
 from ...engine.errors import ProblemError
+from ..targets.depsgraph import evaluated_depsgraph
 from ..targets.target import put_offset, world_matrix
 from . import pins
 from .display import get_inputs, matrix_of_points, our_modifier, set_inputs, shown_objects
@@ -217,7 +218,7 @@ def _read(context: bpy.types.Context, result: bpy.types.Object) -> _Instances:
     set_inputs(modifier, _WHOLE)
     try:
         context.view_layer.update()
-        evaluated = result.evaluated_get(context.evaluated_depsgraph_get())
+        evaluated = result.evaluated_get(evaluated_depsgraph(context))
         geometry = evaluated.evaluated_geometry()
         cloud = geometry.instances_pointcloud()
         count = 0 if cloud is None else len(cloud.points)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...engine.problem.unit_vectors import unit_vectors
 from ...engine.surface.instances import body_rotations, rotate
+from ..targets.depsgraph import evaluated_depsgraph
 from ..targets.evaluated_mesh import evaluated_mesh, in_world, vertices_in_world
 from ..targets.target import is_mirrored
 from .display import followed_targets, get_inputs, matrix_of_points, our_modifier
@@ -170,7 +171,7 @@ def _target_now(told: Followed, context: bpy.types.Context) -> _TargetNow:
     nothing = _TargetNow(np.empty((0, 3)), False, None)
     if told.target is None:
         return nothing
-    evaluated = told.target.evaluated_get(context.evaluated_depsgraph_get())
+    evaluated = told.target.evaluated_get(evaluated_depsgraph(context))
     if not evaluated.is_evaluated:
         return nothing
     matrix = np.array(evaluated.matrix_world, np.float64)

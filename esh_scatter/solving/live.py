@@ -24,6 +24,7 @@ from ...engine.errors import EshError
 from ..result.real_objects import real_objects_of
 from ..result.refused import as_sentence
 from ..targets import checksums
+from ..targets.depsgraph import evaluated_depsgraph
 from ..targets.references import Reference
 from ..targets.vertex_groups import can_be_listed
 from . import running, undo_steps
@@ -60,8 +61,6 @@ _KINDS = ("OBJECT", "MESH", "IMAGE")
 
 # Scatters that are followed, by the scene's number and their own.
 _followed: dict[tuple[int, int], _Live] = {}
-# Solvers that were let go, whose threads may still be there.
-_ending: list[LiveWorker] = []
 # When something was last said to change.
 _last_sign = 0.0
 
@@ -130,15 +129,6 @@ class _Live:
     def end(self) -> None:
         """Let the solver go."""
         self._worker.end()
-        _ending.append(self._worker)
-
-    def rests(self) -> bool:
-        """Have its thread rest; tell whether it does."""
-        return self._worker.rests()
-
-    def go_on(self) -> None:
-        """Let its thread go on."""
-        self._worker.go_on()
 
     def join(self) -> None:
         """Wait for the solver to be gone."""
@@ -169,17 +159,14 @@ class _Live:
             running.redraw_sidebars()
             return False
         attentive = time.monotonic() - _last_sign < ATTENTIVE or _stroke() is not None
-        writes = self._waiting is not None and _may_write(scatter)
-        reads = takes_edits and self._time_to_look(attentive)
-        if (writes or reads) and _all_rest():
+        if self._waiting is not None and _may_write(scatter):
+            self._write(context, scatter)
+        if takes_edits and self._time_to_look(attentive) and _can_be_read(context, scatter) and self._worker.rests():
             try:
-                if writes:
-                    self._write(context, scatter)
-                if reads and _can_be_read(context, scatter):
-                    with checksums.at_most(SHARE_ATTENTIVE if attentive else SHARE_AT_REST):
-                        self._submit(context, scatter)
+                with checksums.at_most(SHARE_ATTENTIVE if attentive else SHARE_AT_REST):
+                    self._submit(context, scatter)
             finally:
-                _go_on()
+                self._worker.go_on()
         return True
 
     def _write(self, context: bpy.types.Context, scatter: Scatter) -> None:
@@ -448,27 +435,11 @@ def _find() -> None:
                 _followed[key] = _Live(scene, scatter)
 
 
-def _all_rest() -> bool:
-    """Have the threads of all scatters rest until :func:`_go_on`, also those that are to end; tell whether they do.
-
-    ``evaluated_depsgraph_get`` lets go of Python's lock. Where a context was overridden, as here, Blender then reads a dictionary
-    of Python's: without the lock, if it takes another thread's for its own. Blender crashes as soon as that thread lets go of it.
-    """
-    _ending[:] = [worker for worker in _ending if worker.running]
-    rest = [one.rests() for one in list(_followed.values())]
-    return all(rest) and not _ending
-
-
-def _go_on() -> None:
-    for one in list(_followed.values()):
-        one.go_on()
-
-
 def _can_be_read(context: bpy.types.Context, scatter: Scatter) -> bool:
     """Tell whether no stroke is under way that data must not meet which has to be made for reading weights."""
     if _stroke() != _WEIGHTS:
         return True
-    depsgraph = context.evaluated_depsgraph_get()
+    depsgraph = evaluated_depsgraph(context)
     return all(can_be_listed(target.evaluated_get(depsgraph)) for target in scatter.targets if target.vertex_groups)
 
 

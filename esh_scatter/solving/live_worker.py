@@ -157,7 +157,7 @@ class LiveWorker:
     def rests(self) -> bool:
         """Have the thread rest until :meth:`go_on`, so that Blender's data can be read; tell whether it does, or has nothing to do.
 
-        Blender lets go of Python's lock while it works out what is asked of it, and has crashed where another thread worked in Python.
+        Otherwise both would wait for Python's lock in turns.
         """
         with self._change:
             # What it was asked for, it begins with at any moment.

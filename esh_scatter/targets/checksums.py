@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
+from .depsgraph import evaluated_depsgraph
 from .evaluated_mesh import evaluated_mesh
 from .target import origin_of, shown_collection, shown_members_of, world_matrix
 
@@ -226,7 +227,7 @@ def _shape_number(item: bpy.types.Object) -> int:
 def _subdivided_number(item: bpy.types.Object) -> int:
     """Of what is stored, and of all that says what is made of it; as drivers and the simplified scene have it."""
     creases = [_values_number(item.data, name) for name in _CREASES]
-    evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    evaluated = item.evaluated_get(evaluated_depsgraph(bpy.context))
     steps = [_step(modifier) for modifier in evaluated.modifiers if modifier.show_viewport]
     render = bpy.context.scene.render
     simplified = render.simplify_subdivision if render.use_simplify else None
@@ -279,7 +280,7 @@ def _mesh_bytes(mesh: bpy.types.Mesh) -> bytes:
 
 
 def _evaluated_bytes(item: bpy.types.Object) -> bytes:
-    evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    evaluated = item.evaluated_get(evaluated_depsgraph(bpy.context))
     if evaluated.type == "MESH" and isinstance(evaluated.data, bpy.types.Mesh):
         return _mesh_bytes(evaluated.data)
     with evaluated_mesh(item, bpy.context) as mesh:
@@ -312,7 +313,7 @@ def _attribute_number(item: bpy.types.Object, name: str) -> int:
     stored = _values_number(item.data, name)
     if not len(item.modifiers) or item.mode == "EDIT":
         return stored
-    evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    evaluated = item.evaluated_get(evaluated_depsgraph(bpy.context))
     return _with(stored, _values_number(evaluated.data, name)) if isinstance(evaluated.data, bpy.types.Mesh) else stored
 
 

@@ -8,13 +8,15 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
+from .depsgraph import evaluated_depsgraph
+
 __all__ = ["evaluated_mesh", "in_world", "vertices_in_world"]
 
 
 @contextmanager
 def evaluated_mesh(item: bpy.types.Object, context: bpy.types.Context) -> Iterator[bpy.types.Mesh | None]:
     """Give the mesh of an object with its modifiers, for as long as it is looked at; None of what has none, as lights and cameras."""
-    evaluated = item.evaluated_get(context.evaluated_depsgraph_get())
+    evaluated = item.evaluated_get(evaluated_depsgraph(context))
     try:
         mesh = evaluated.to_mesh()
     except RuntimeError:

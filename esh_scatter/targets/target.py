@@ -12,6 +12,7 @@ from mathutils import Matrix
 from ...engine.errors import ProblemError
 from ...engine.problem.validation import show
 from ...engine.surface.triangle_mesh import TriangleMesh
+from .depsgraph import evaluated_depsgraph
 from .evaluated_mesh import vertices_in_world
 from .vertex_groups import read_vertex_groups
 
@@ -200,7 +201,7 @@ def read_target(
         ProblemError: It has no faces, positions that are not finite, or it is hidden.
     """
     name = f'target "{target.name}"'
-    evaluated = target.evaluated_get(context.evaluated_depsgraph_get())
+    evaluated = target.evaluated_get(evaluated_depsgraph(context))
     if not evaluated.is_evaluated:
         raise ProblemError(f"{name} must be visible in the viewport; Blender does not evaluate it while it is hidden")
     # While it is sculpted, what is evaluated lags behind.
@@ -235,7 +236,7 @@ def read_target(
 
 
 def _shows_instances(item: bpy.types.Object, context: bpy.types.Context) -> bool:
-    shown = context.evaluated_depsgraph_get().object_instances
+    shown = evaluated_depsgraph(context).object_instances
     return any(one.is_instance and one.parent is not None and one.parent.original == item for one in shown)
 
 
@@ -264,7 +265,7 @@ def read_triangles(mesh: bpy.types.Mesh, matrix: np.ndarray, name: str) -> Trian
 def world_matrix(item: bpy.types.Object, context: bpy.types.Context) -> np.ndarray:
     """Return the object's matrix ``[4, 4]``, also where Blender does not keep it up to date (outside the view layer)."""
     if context.view_layer.objects.get(item.name) == item:
-        evaluated = item.evaluated_get(context.evaluated_depsgraph_get())
+        evaluated = item.evaluated_get(evaluated_depsgraph(context))
         if evaluated.is_evaluated:
             return np.array(evaluated.matrix_world)
     matrix = np.array(item.matrix_basis)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...engine.surface.upper_side import NARROWEST, SMALLEST_COVER
 from . import checksums
+from .depsgraph import evaluated_depsgraph
 from .evaluated_mesh import in_world
 from .target import world_matrix
 
@@ -58,7 +59,7 @@ def _mesh_of(item: bpy.types.Object) -> bpy.types.Mesh | None:
 
 def _evaluated_mesh(item: bpy.types.Object) -> bpy.types.Mesh | None:
     """Return the mesh of an object with its modifiers; None where that is not known, as in Edit Mode."""
-    evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    evaluated = item.evaluated_get(evaluated_depsgraph(bpy.context))
     known = evaluated.is_evaluated and evaluated.mode != "EDIT" and isinstance(evaluated.data, bpy.types.Mesh)
     return evaluated.data if known else None
 

@@ -8,6 +8,8 @@ import bmesh
 import bpy
 import numpy as np
 
+from .depsgraph import evaluated_depsgraph
+
 __all__ = ["can_be_listed", "read_vertex_groups"]
 
 # Vertices whose weights are asked for one by one at most, which takes 25 ms; geometry nodes take 2 ms.
@@ -38,7 +40,7 @@ def read_vertex_groups(
         numbers = [evaluated.vertex_groups[name].index for name in names]
         return dict(zip(names, _listed(mesh, numbers), strict=True))
     data = bpy.data
-    depsgraph = context.evaluated_depsgraph_get()
+    depsgraph = evaluated_depsgraph(context)
     copy = data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=depsgraph)
     item = data.objects.new(copy.name, copy)
     scene = data.scenes.new(copy.name)
