@@ -1,9 +1,12 @@
 """Lists of names in one text, separated by commas: names that hold any themselves stand in quotation marks, as in CSV files."""
 
-import csv
+import re
 from collections.abc import Iterable
 
 __all__ = ["joined_names", "names_in"]
+
+# A name and the comma behind it: in quotation marks from its first character to its last, or as it is.
+_NAME = re.compile(r'\s*(?:"((?:[^"]|"")*)"\s*(?=,|$)|([^,]*))(?:,|$)')
 
 
 def joined_names(names: Iterable[str]) -> str:
@@ -13,9 +16,8 @@ def joined_names(names: Iterable[str]) -> str:
 
 def names_in(text: str) -> set[str]:
     """Return the names that a text lists."""
-    # A name may have a line of its own; of a quotation mark that is never closed, the rest is the name.
-    parts = next(csv.reader([text.replace("\n", " ")], skipinitialspace=True), [])
-    return {part.strip() for part in parts} - {""}
+    found = _NAME.findall(text)
+    return {quoted.replace('""', '"') or plain.strip() for quoted, plain in found} - {""}
 
 
 def _quoted(name: str) -> str:

@@ -97,6 +97,8 @@ class _Live:
         # What has followed a stroke as one, by the checksums of what its parts had left: an undo step holds one of these.
         self._as_one: weakref.WeakValueDictionary[int, ScatterJob] = weakref.WeakValueDictionary()
         self._left: list[int] = []
+        # And what that was made with.
+        self._made_of: weakref.WeakKeyDictionary[ScatterJob, str] = weakref.WeakKeyDictionary()
         # And what it was made with, and its report.
         self._written: tuple[str, str] | None = None
         self._submitted_at = 0.0
@@ -110,7 +112,7 @@ class _Live:
 
     @property
     def _is_in_parts(self) -> bool:
-        return self._parts > 1 and self._worker.knows_beginning
+        return self._parts > 1 and self._worker.knows_beginning and not self._refused
 
     def look(self) -> bool:
         """Show what came out, and have solved what has changed; returns False where there is nothing to follow any more."""
@@ -161,10 +163,11 @@ class _Live:
         attentive = time.monotonic() - _last_sign < ATTENTIVE or _stroke() is not None
         if self._waiting is not None and _may_write(scatter):
             self._write(context, scatter)
-        if takes_edits and self._time_to_look(attentive) and _can_be_read(context, scatter) and self._worker.rests():
+        if takes_edits and self._time_to_look(attentive) and self._worker.rests():
             try:
-                with checksums.at_most(SHARE_ATTENTIVE if attentive else SHARE_AT_REST):
-                    self._submit(context, scatter)
+                if _can_be_read(context, scatter):
+                    with checksums.at_most(SHARE_ATTENTIVE if attentive else SHARE_AT_REST):
+                        self._submit(context, scatter)
             finally:
                 self._worker.go_on()
         return True
@@ -205,17 +208,18 @@ class _Live:
 
         self._looked = time.monotonic()
         result = scatter.result_in(context.scene)
-        if self._has_to_wait(context, scatter, result):
-            self._parts = 0
-            return
         goes_on = _is_under_way()
+        if self._has_to_wait(context, scatter, result):
+            # A stroke that has ended is not followed as one any more: what is edited now is where the next one begins.
+            self._parts = self._parts if goes_on else 0
+            return
         # What is told of a while ago lacks the end of a stroke.
         with checksums.now() if self._parts and not goes_on else nullcontext():
             record = scatter.record()
         made_with = json.dumps(record, separators=(",", ":"))
         if made_with == self._told:
             self._say(self._refused)
-            if not goes_on:
+            if not (goes_on or self._refused):
                 self._follow_as_one()
             return
         if self._told is not None and scatter.turned_to_what_moved(self._record, record):
@@ -230,8 +234,10 @@ class _Live:
             job = ScatterJob(*positional, **named, prepare=False)
             places = places_in_order(result) if result is not None and (first or not self._worker.has_solver) else None
             anew = scatter.has_other_border(record) if first else _needs_a_new_start(self._record, record)
-            # Of a copy that has settings of its own there is no report.
             ready_only = first and result is not None and not scatter.outdated
+            if ready_only and not scatter.report_json:
+                # A copy with settings of its own has no report yet, by which to know whether its counts are others now.
+                ready_only = len(result.data.vertices) == sum(one.count for one in scatter.ready_classes())
             # Counts may be others than those that are there, since it was off.
             before = None
             if result is not None and places is not None and not (anew or ready_only):
@@ -245,23 +251,22 @@ class _Live:
         few_steps = before is not None and scatter.only_counts_changed(record)
         self._told, self._record = made_with, record
         self._submitted_at = time.perf_counter()
-        back_to, as_one = None, bool(self._parts) and not goes_on and self._worker.knows_beginning
+        back_to, again = None, False
         if first and result is not None and _points_of(result) is not None:
             stands = _standing_of(result)
-            back_to = self._as_one.get(stands)
-            if back_to is not None:
-                # Undo and redo lead to the last part of a stroke, and not to what has followed it as one.
-                as_one, ready_only = ready_only, False
-            else:
-                back_to = self._earlier.get(stands)
+            # Undo and redo lead to the last part of a stroke, and not to what has followed it as one.
+            followed = self._as_one.get(stands)
+            back_to = followed or self._earlier.get(stands)
+            again = followed is not None and self._made_of.get(followed) == made_with
             if back_to is None and not anew:
                 # It begins with these.
                 self._earlier[stands] = job if before is None else before[0]
         start_at = None if anew else places
         begins, part = goes_on and not self._parts, goes_on and self._parts > 0
+        as_one = self._parts > 0 and not goes_on and self._worker.knows_beginning
         self._parts = self._parts + 1 if goes_on and not (first or anew) else 0
         request = Request(job, made_with, anew, start_at, before, few_steps, ready_only, back_to)
-        self._ask(replace(request, begins=begins, part=part, as_one=as_one))
+        self._ask(replace(request, begins=begins, part=part, as_one=as_one, again=again))
 
     def _has_to_wait(self, context: bpy.types.Context, scatter: Scatter, result: bpy.types.Object | None) -> bool:
         """Tell whether nothing can be solved now, and say why; what is edited is followed once that is done."""
@@ -291,6 +296,8 @@ class _Live:
     def _show(self, context: bpy.types.Context, scatter: Scatter, outcome: Outcome) -> None:
         """Write what came out into the result."""
         if outcome.error is not None:
+            # Once that is put right, the stroke is followed as one all the same.
+            self._parts = 1 if outcome.request.as_one else self._parts
             self._refuse(as_sentence(outcome.error))
             return
         job, placement = outcome.job, outcome.placement
@@ -325,8 +332,12 @@ class _Live:
     def _note_parts(self, request: Request, stands: int, job: ScatterJob) -> None:
         """Know what has come of a stroke in the end, wherever its parts have led."""
         if request.as_one:
-            again = [left for left, led_to in self._as_one.items() if led_to is request.back_to]
-            self._as_one.update(dict.fromkeys(self._left + again, job))
+            self._as_one.update(dict.fromkeys(self._left, job))
+        # One that runs on is shown once more, as is one that undo leads to.
+        for left, led_to in list(self._as_one.items()):
+            if led_to is request.job or (request.again and led_to is request.back_to):
+                self._as_one[left] = job
+        self._made_of[job] = request.made_with
         if not request.part:
             self._left.clear()
         if request.begins or request.part:

@@ -49,7 +49,8 @@ class Request:
         begins: Whether it is the first of several that follow a stroke while it is made.
         part: Whether it is a later one.
         as_one: Whether the stroke has ended: it is followed as a whole, from where bodies were when it began. Each part on its own has
-            bodies move on a little, wherever they are. With ``back_to`` that is where it has led once.
+            bodies move on a little, wherever they are.
+        again: Whether what ``back_to`` has placed is to be shown once more, as something else stands there.
     """
 
     job: ScatterJob
@@ -63,6 +64,7 @@ class Request:
     begins: bool = False
     part: bool = False
     as_one: bool = False
+    again: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +95,7 @@ class _Earlier(NamedTuple):
 
     job: ScatterJob
     bookmark: Bookmark
+    unevenness: float
 
 
 class _Beginning(NamedTuple):
@@ -100,6 +103,7 @@ class _Beginning(NamedTuple):
 
     made_with: str
     bookmark: Bookmark
+    unevenness: float
 
 
 class LiveWorker:
@@ -224,15 +228,15 @@ class LiveWorker:
     def _solve(self, request: Request) -> None:
         start = time.perf_counter()
         job = request.job
-        if request.begins:
+        if not (request.part or request.as_one):
             self._forget_beginning()
         job.survey = self._survey
         job.prepare()
         in_full = False
         if self._goes_back(request):
-            if request.ready_only:
+            if request.ready_only and not request.again:
                 return
-            steps = 0 if request.as_one else self._edit(request)
+            steps = 0 if request.again else self._edit(request)
         elif request.as_one and (beginning := self._back_to_beginning(request)) is not None:
             steps = 0 if request.made_with == beginning.made_with else self._edit(request)
         elif self._can_go_on(request):
@@ -254,7 +258,8 @@ class LiveWorker:
         assert self._solver is not None
         before = self._unevenness
         measured = self._show(request, job, steps, start)
-        if in_full or not measured or self._unevenness <= max(EVEN, MUCH_LESS_EVEN * before):
+        # What is only shown once more stays as it was.
+        if in_full or not steps or not measured or self._unevenness <= max(EVEN, MUCH_LESS_EVEN * before):
             return
         self._shown = None
         more, _ = self._solver.run(job.settings.max_steps, self._keep)
@@ -284,12 +289,13 @@ class LiveWorker:
 
     def _edit(self, request: Request) -> int:
         assert self._solver is not None
-        if not request.part:
+        if self._beginning is None:
             # Undo does not lead to what the parts of a stroke have left.
             self._remember()
+        few = self._solver.model.body_count <= MOST_BODIES_EARLIER
+        if self._beginning is None and (request.begins or request.part) and few:
+            self._beginning = _Beginning(self._made_with, self._solver.bookmark(), self._unevenness)
         self._shown = None
-        if request.begins and self._solver.model.body_count <= MOST_BODIES_EARLIER:
-            self._beginning = _Beginning(self._made_with, self._solver.bookmark())
         try:
             with self._solver.launcher.interruptible(self._drop_if_ended):
                 return self._solver.edit(request.job.problem).steps
@@ -305,7 +311,7 @@ class LiveWorker:
             return None
         if not self._is_alike(request, beginning.bookmark.model.problem):
             return None
-        self._shown = None
+        self._shown, self._unevenness = None, beginning.unevenness
         self._solver.go_back(beginning.bookmark)
         self._forget_beginning()
         return beginning
@@ -319,7 +325,7 @@ class LiveWorker:
         """Let undo come back to what was shown last; what is too much is forgotten, the oldest first, but nothing that is wanted."""
         if self._solver is None or self._shown is None or any(one.job is self._shown for one in self._earlier):
             return
-        self._earlier.append(_Earlier(self._shown, self._solver.bookmark()))
+        self._earlier.append(_Earlier(self._shown, self._solver.bookmark(), self._unevenness))
         for oldest in self._earlier.copy():
             if len(self._earlier) <= MOST_EARLIER and self._bodies_earlier() <= MOST_BODIES_EARLIER:
                 break
@@ -342,11 +348,12 @@ class LiveWorker:
             # Redo may come back to what is there now.
             self._remember(earlier)
             self._earlier.remove(earlier)
-            self._earlier.append(earlier._replace(job=request.job) if request.as_one else earlier)
+            self._earlier.append(earlier._replace(job=request.job) if request.again else earlier)
             self._solver.go_back(earlier.bookmark)
+            self._unevenness = earlier.unevenness
         # What is shown once more is known by the job that shows it.
-        self._made = self._shown = request.job if request.as_one else request.back_to
-        self._made_with = request.made_with if request.ready_only else ""
+        self._made = self._shown = request.job if request.again else request.back_to
+        self._made_with = request.made_with if request.ready_only or request.again else ""
         return True
 
     def _can_go_on(self, request: Request) -> bool:
@@ -410,7 +417,6 @@ class LiveWorker:
             raise _DroppedError
 
     def _drop_if_ended(self) -> None:
-        self._go_on()
         if self._ended:
             raise _DroppedError
 

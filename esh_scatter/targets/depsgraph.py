@@ -10,13 +10,13 @@ __all__ = ["evaluated_depsgraph"]
 def evaluated_depsgraph(context: bpy.types.Context) -> bpy.types.Depsgraph:
     """Return the dependency graph of a context's view layer, evaluated.
 
-    The same as ``evaluated_depsgraph_get``, which crashes Blender where the context was overridden by a script and another thread
-    works in Python: it lets go of Python's lock and then looks into the dictionary of what was overridden, without the lock if it
-    takes another thread's for its own.
+    The context has a method for that, which crashes Blender where a script has overridden the context and another thread works in
+    Python: it lets go of Python's lock, then looks into the dictionary of what was overridden, and takes the lock for that only if
+    no thread has it, even another one.
     """
-    depsgraph = context.view_layer.depsgraph
-    if depsgraph is None:
+    layer = context.view_layer
+    if layer.depsgraph is None:
         # Nothing of this layer was evaluated yet.
-        return context.evaluated_depsgraph_get()
-    depsgraph.update()
-    return depsgraph
+        layer.update()
+    layer.depsgraph.update()
+    return layer.depsgraph

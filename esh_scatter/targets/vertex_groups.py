@@ -36,7 +36,8 @@ def read_vertex_groups(
     """
     if not names:
         return {}
-    if context.mode == "PAINT_WEIGHT" and can_be_listed(evaluated):
+    painted = context.view_layer.objects.active
+    if painted is not None and painted.mode == "WEIGHT_PAINT" and can_be_listed(evaluated):
         numbers = [evaluated.vertex_groups[name].index for name in names]
         return dict(zip(names, _listed(mesh, numbers), strict=True))
     data = bpy.data

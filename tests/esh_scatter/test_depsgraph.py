@@ -53,11 +53,22 @@ def test_threads_of_others_may_work_while_it_is_evaluated():
     assert "still there" in finished.stdout, (finished.returncode, finished.stderr[-1000:])
 
 
-def test_it_is_asked_for_there_alone():
-    asking = {
-        p.name for p in BLENDERS_SIDE.rglob("*.py") if "evaluated_depsgraph_get()" in p.read_text(encoding="utf-8")
-    }
-    assert asking == {"depsgraph.py"}
+def test_it_is_asked_for_nowhere_else():
+    assert not [p for p in BLENDERS_SIDE.rglob("*.py") if "evaluated_depsgraph_get" in p.read_text(encoding="utf-8")]
+
+
+def test_a_scene_of_which_nothing_was_evaluated_is():
+    import bpy
+    from esh.esh_scatter.targets.depsgraph import evaluated_depsgraph
+
+    bpy.ops.wm.read_homefile(use_empty=True)
+    scene = bpy.data.scenes.new("Other")
+    scene.collection.objects.link(bpy.data.objects.new("Here", None))
+    bpy.data.objects["Here"].location.z = 2.0
+    with bpy.context.temp_override(scene=scene):
+        depsgraph = evaluated_depsgraph(bpy.context)
+    assert depsgraph.scene.name == "Other"
+    assert bpy.data.objects["Here"].evaluated_get(depsgraph).matrix_world.translation.z == 2.0
 
 
 def test_what_has_changed_is_evaluated():

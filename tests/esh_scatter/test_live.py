@@ -231,28 +231,41 @@ def test_an_obstacle_that_is_moved_away_and_back_leaves_objects_where_they_were(
     assert points().keys() == before.keys() and moved(before, points()).max() < 0.3
 
 
-def test_an_error_in_the_middle_of_a_stroke_leaves_its_beginning_known(scatter, under_way, follow):
+@pytest.mark.parametrize(("wrong", "part"), [("zero", 1), ("zero", 6), ("zero", 13), ("muted", 6)])
+def test_an_error_in_a_stroke_leaves_its_beginning_known(scatter, under_way, follow, wrong, part):
     scatter.classes["Pine"].sizes[0].count = scatter.classes["Beech"].sizes[0].count = 1000
     before = switch_on(scatter, follow)
-    paint(0.5)
+
+    def everywhere_zero():
+        paint(0.0)
+        follow()
+        assert "is 0 everywhere" in live.status(bpy.context.scene, scatter)
+        paint(0.5)
+
     under_way("PAINT_OT_image_paint")
     for columns in range(1, 13):
-        if columns == 6:
-            paint(0.0)
-            follow()
-            assert "is 0 everywhere" in live.status(bpy.context.scene, scatter)
-            paint(0.5)
+        if columns == part and wrong == "zero":
+            everywhere_zero()
+        elif columns == part:
+            for mute in (True, False):
+                scatter.classes["Pine"].mute = scatter.classes["Beech"].mute = mute
+                follow()
+                assert ("muted" in live.status(bpy.context.scene, scatter)) == mute
         paint(0.0, columns)
         follow()
     under_way(None)
+    if part > columns:
+        everywhere_zero()
+        paint(0.0, columns)
     follow()
     assert live.status(bpy.context.scene, scatter) == "" and not active().outdated
     far = moved({n: p for n, p in before.items() if p[0] > 0.0}, points("Beech"))
     assert np.median(far) < 0.15
 
 
-def test_undo_and_redo_lead_to_what_has_followed_strokes_as_one(scatter, under_way, follow):
-    """Undo steps hold what the last part of a stroke had left: they are made when the operator ends."""
+@pytest.mark.parametrize("late", [False, True])
+def test_undo_and_redo_lead_to_what_has_followed_strokes_as_one(scatter, under_way, follow, late):
+    """Undo steps hold what the last part of a stroke had left, be it up to date or not: they are made when the operator ends."""
     bpy.ops.mesh.primitive_cube_add(size=6.0, location=(12.0, 0.0, 0.0))
     bpy.context.object.name = "Rock"
     scatter.obstacles.add().item = bpy.context.object
@@ -265,6 +278,9 @@ def test_undo_and_redo_lead_to_what_has_followed_strokes_as_one(scatter, under_w
             bpy.data.objects["Rock"].location.x -= 1.0
             bpy.context.view_layer.update()
             follow()
+        if late:
+            bpy.data.objects["Rock"].location.y += 1.0
+            bpy.context.view_layer.update()
         bpy.ops.ed.undo_push(message="drag")
         under_way(None)
         follow()
@@ -281,6 +297,28 @@ def test_undo_and_redo_lead_to_what_has_followed_strokes_as_one(scatter, under_w
     for number in (1, 2, 3):
         bpy.ops.ed.redo()
         assert_stands(number)
+
+
+def test_two_strokes_with_no_look_between_them_are_undone_one_by_one(scatter, under_way, follow):
+    bpy.ops.mesh.primitive_cube_add(size=6.0, location=(12.0, 0.0, 0.0))
+    bpy.context.object.name = "Rock"
+    scatter.obstacles.add().item = bpy.context.object
+    bpy.ops.ed.undo_push(message="before")
+    switch_on(scatter, follow)
+    bpy.ops.ed.undo_push(message="live")
+    under_way("TRANSFORM_OT_translate")
+    for _ in range(2):
+        for _ in range(3):
+            bpy.data.objects["Rock"].location.x -= 2.0
+            bpy.context.view_layer.update()
+            follow()
+        bpy.ops.ed.undo_push(message="drag")
+    under_way(None)
+    follow()
+    bpy.ops.ed.undo()
+    follow()
+    assert bpy.data.objects["Rock"].location.x == 6.0 and not active().outdated
+    assert all(np.abs(at[:2] - (6.0, 0.0)).max() > 2.99 for at in points().values())
 
 
 @pytest.mark.parametrize("then", ["edited", "real"])
@@ -345,7 +383,8 @@ def test_two_scatters_on_one_target_follow_a_stroke(scatter, under_way, follow):
     assert all(vertex.co.x > -12.7 for vertex in scatters[1].result.data.vertices)
 
 
-def test_a_copy_with_settings_of_its_own_is_not_moved_when_it_is_followed(scatter, follow):
+@pytest.mark.parametrize("more", [0, 10])
+def test_a_copy_with_settings_of_its_own_is_followed_from_where_it_is(scatter, follow, more):
     bpy.ops.esh.scatter()
     result = scatter.result
     bpy.ops.object.select_all(action="DESELECT")
@@ -357,12 +396,15 @@ def test_a_copy_with_settings_of_its_own_is_not_moved_when_it_is_followed(scatte
     (own,) = (one for one in scatters.scatters if one.result == bpy.context.view_layer.objects.active)
     scatters.scatter_index = list(scatters.scatters).index(own)
     before = points()
+    if more:
+        own.classes[0].sizes[0].count += 10
     own.live = True
     follow()
-    assert points().keys() == before.keys() and moved(before, points()).max() == 0.0
+    assert len(points()) == len(before) + more and before.keys() <= points().keys()
+    assert more or moved(before, points()).max() == 0.0
     own.classes[0].sizes[0].count += 10
     follow()
-    assert len(points()) == len(before) + 10
+    assert len(points()) == len(before) + more + 10
 
 
 def test_colors_and_weights_are_followed_while_they_are_painted(scatter, under_way, follow):

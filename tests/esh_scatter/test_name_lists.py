@@ -26,7 +26,9 @@ def test_names_come_back(names):
         ("Pine, Beech ,Log,", {"Pine", "Beech", "Log"}),
         ('"Oak, red", Pine', {"Oak, red", "Pine"}),
         ('6" nail, Pine', {'6" nail', "Pine"}),
-        ('"Pine', {"Pine"}),
+        ('"Pine', {'"Pine'}),
+        ('"Big" rock, Pine', {'"Big" rock', "Pine"}),
+        ("Old\rtree, Pine", {"Old\rtree", "Pine"}),
     ],
 )
 def test_what_somebody_has_typed_is_read(text, names):
