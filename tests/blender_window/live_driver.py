@@ -26,7 +26,7 @@ PIXELS = 1024
 FROM, TO = (-0.325 * SIZE, -0.3 * SIZE), (-0.225 * SIZE, 0.2 * SIZE)
 BRUSH = 60 if FILM else 45
 # It is followed in as many parts as there is time for.
-STROKE_SECONDS = 30.0 if FILM else 12.0
+STROKE_SECONDS = 30.0 if FILM else 5.0
 LONGEST_RUN = 180.0
 
 
@@ -214,7 +214,11 @@ def begin_stroke():
 
 
 def stroked():
-    if watch.mouse.poll() is None or not at_rest():
+    # A busy Blender hears later that the mouse was let go.
+    paints = any(
+        "paint" in one.bl_idname for window in bpy.context.window_manager.windows for one in window.modal_operators
+    )
+    if watch.mouse.poll() is None or paints or not at_rest():
         return False
     answer["stroked"] = True
     ended = watch.painted[-1] if watch.painted else 0.0
