@@ -136,6 +136,7 @@ class ScatterJob:
         device: Where it runs, as Warp names it.
         problem: What the sampler is asked, once it is prepared.
         placement: What it answered; None before :meth:`solve`.
+        made_with: What identifies the settings and contents that it was read with, for whoever compares jobs.
 
     Raises:
         EshError: Something asked for is missing or has no meaning.
@@ -177,6 +178,7 @@ class ScatterJob:
         self._given_obstacles = obstacles
         self._reading: _Reading | None = self._read(context)
         self.placement: Placement | None = None
+        self.made_with = ""
         self._points: ResultPoints | None = None
         # What these points get, worked out where the window does not wait for it.
         self._attributes: tuple[ResultPoints, dict[str, tuple[str, np.ndarray]]] | None = None

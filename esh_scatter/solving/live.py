@@ -10,7 +10,6 @@ from __future__ import annotations
 import copy
 import json
 import time
-import weakref
 import zlib
 from contextlib import nullcontext
 from dataclasses import replace
@@ -27,7 +26,9 @@ from ..targets import checksums
 from ..targets.depsgraph import evaluated_depsgraph
 from ..targets.references import Reference
 from ..targets.vertex_groups import can_be_listed
-from . import running, undo_steps
+from . import running, strokes, undo_steps
+from .known_results import KnownResults
+from .strokes import Stroke
 
 if TYPE_CHECKING:
     from .job import ScatterJob
@@ -48,12 +49,6 @@ SHARE_ATTENTIVE, SHARE_AT_REST = 0.25, 0.02
 FOLLOWS_STROKES = 0.05
 # Seconds that quitting waits for the thread.
 LONGEST_JOIN = 5.0
-
-# Strokes under way, by the names of their operators.
-_COLORS, _WEIGHTS = {"PAINT_OT_image_paint", "IMAGE_OT_paint", "PAINT_OT_vertex_paint"}, "PAINT_OT_weight_paint"
-_STROKES = _COLORS | {_WEIGHTS, "SCULPT_OT_brush_stroke"}
-# Operators that change something step by step until they end, as strokes do: objects are moved, turned and scaled with the mouse.
-_DRAGS = {"TRANSFORM_OT_translate", "TRANSFORM_OT_rotate", "TRANSFORM_OT_resize"}
 
 # What the depsgraph can say that may be of ours; kinds of data that nothing is made of are not looked for. Settings are the scene's:
 # when one is changed in the sidebar, Blender tags the scene, and says of its objects, too, that they have changed.
@@ -92,14 +87,9 @@ class _Live:
         # What was written last, and a checksum of the points then: undo may have put others in their place.
         self._shown: ScatterJob | None = None
         self._points: int | None = None
-        # What was written before, by checksums of all that stands there, as long as the solver can go back to it.
-        self._earlier: weakref.WeakValueDictionary[int, ScatterJob] = weakref.WeakValueDictionary()
-        # What has followed a stroke as one, by the checksums of what its parts had left: an undo step holds one of these.
-        self._as_one: weakref.WeakValueDictionary[int, ScatterJob] = weakref.WeakValueDictionary()
-        self._left: list[int] = []
-        # And what that was made with.
-        self._made_of: weakref.WeakKeyDictionary[ScatterJob, str] = weakref.WeakKeyDictionary()
-        # And what it was made with, and its report.
+        # What was written before, as long as the solver can go back to it.
+        self._known = KnownResults()
+        # The settings that the last one was made with, and its report.
         self._written: tuple[str, str] | None = None
         self._submitted_at = 0.0
         self.message = self._refused = ""
@@ -108,7 +98,8 @@ class _Live:
     @property
     def busy(self) -> bool:
         """Whether something is being solved or waits to be shown, or a stroke that has ended is to be followed as one."""
-        return self._worker.busy or self._waiting is not None or (self._is_in_parts and not _is_under_way())
+        solves = self._worker.busy or self._worker.has_outcome or self._waiting is not None
+        return solves or (self._is_in_parts and not strokes.is_under_way())
 
     @property
     def _is_in_parts(self) -> bool:
@@ -160,7 +151,7 @@ class _Live:
             _stopped[context.scene.session_uid, scatter.uid] = f"Live stopped: {why}"
             running.redraw_sidebars()
             return False
-        attentive = time.monotonic() - _last_sign < ATTENTIVE or _stroke() is not None
+        attentive = time.monotonic() - _last_sign < ATTENTIVE or strokes.brush() is not None
         if self._waiting is not None and _may_write(scatter):
             self._write(context, scatter)
         if takes_edits and self._time_to_look(attentive) and self._worker.rests():
@@ -196,9 +187,9 @@ class _Live:
     def _time_to_look(self, attentive: bool) -> bool:
         if not attentive and time.monotonic() - self._looked < AT_REST:
             return False
-        stroke = _stroke()
+        stroke = strokes.brush()
         # Colors and weights are read during the stroke, if that is quick; shapes only when the brush is lifted.
-        return stroke is None or (stroke in _COLORS | {_WEIGHTS} and self._reading < FOLLOWS_STROKES)
+        return stroke is None or (stroke in strokes.COLORS | {strokes.WEIGHTS} and self._reading < FOLLOWS_STROKES)
 
     def _submit(self, context: bpy.types.Context, scatter: Scatter) -> None:
         """Have the scatter solved as it is now, if it differs from what was solved last."""
@@ -208,7 +199,7 @@ class _Live:
 
         self._looked = time.monotonic()
         result = scatter.result_in(context.scene)
-        goes_on = _is_under_way()
+        goes_on = strokes.is_under_way()
         if self._has_to_wait(context, scatter, result):
             # A stroke that has ended is not followed as one any more: what is edited now is where the next one begins.
             self._parts = self._parts if goes_on else 0
@@ -232,6 +223,7 @@ class _Live:
         try:
             positional, named = scatter.arguments(context.scene)
             job = ScatterJob(*positional, **named, prepare=False)
+            job.made_with = made_with
             places = places_in_order(result) if result is not None and (first or not self._worker.has_solver) else None
             anew = scatter.has_other_border(record) if first else _needs_a_new_start(self._record, record)
             ready_only = first and result is not None and not scatter.outdated
@@ -253,20 +245,22 @@ class _Live:
         self._submitted_at = time.perf_counter()
         back_to, again = None, False
         if first and result is not None and _points_of(result) is not None:
-            stands = _standing_of(result)
-            # Undo and redo lead to the last part of a stroke, and not to what has followed it as one.
-            followed = self._as_one.get(stands)
-            back_to = followed or self._earlier.get(stands)
-            again = followed is not None and self._made_of.get(followed) == made_with
+            standing = _standing_of(result)
+            back_to, follows = self._known.find(standing)
+            # Undo and redo lead to a part of a stroke, and not to what has followed it as a whole.
+            again = follows and back_to is not None and back_to.made_with == made_with
             if back_to is None and not anew:
-                # It begins with these.
-                self._earlier[stands] = job if before is None else before[0]
+                self._known.begin(standing, job if before is None else before[0])
         start_at = None if anew else places
-        begins, part = goes_on and not self._parts, goes_on and self._parts > 0
-        as_one = self._parts > 0 and not goes_on and self._worker.knows_beginning
+        stroke = self._part_of_stroke(goes_on)
         self._parts = self._parts + 1 if goes_on and not (first or anew) else 0
-        request = Request(job, made_with, anew, start_at, before, few_steps, ready_only, back_to)
-        self._ask(replace(request, begins=begins, part=part, as_one=as_one, again=again))
+        self._ask(Request(job, anew, start_at, before, few_steps, ready_only, back_to, again, stroke))
+
+    def _part_of_stroke(self, goes_on: bool) -> Stroke | None:
+        """Return which part of a stroke the next request follows; None for none."""
+        if goes_on:
+            return Stroke.GOES_ON if self._parts else Stroke.BEGINS
+        return Stroke.ENDS if self._parts and self._worker.knows_beginning else None
 
     def _has_to_wait(self, context: bpy.types.Context, scatter: Scatter, result: bpy.types.Object | None) -> bool:
         """Tell whether nothing can be solved now, and say why; what is edited is followed once that is done."""
@@ -291,13 +285,13 @@ class _Live:
             self._submitted_at = time.perf_counter()
             # Somebody may be writing the one that was shown.
             job = copy.copy(self._asked.job)
-            self._ask(replace(self._asked, job=job, back_to=None, begins=False, part=False, as_one=True))
+            self._ask(replace(self._asked, job=job, back_to=None, stroke=Stroke.ENDS))
 
     def _show(self, context: bpy.types.Context, scatter: Scatter, outcome: Outcome) -> None:
         """Write what came out into the result."""
         if outcome.error is not None:
             # Once that is put right, the stroke is followed as one all the same.
-            self._parts = 1 if outcome.request.as_one else self._parts
+            self._parts = 1 if outcome.request.stroke is Stroke.ENDS else self._parts
             self._refuse(as_sentence(outcome.error))
             return
         job, placement = outcome.job, outcome.placement
@@ -318,30 +312,14 @@ class _Live:
         else:
             # With a report of what is shown already, that is what it was, and what was changed at once since.
             known = self._shown is job and scatter.ran_with
-            scatter.remember(result, report, known or outcome.request.made_with)
+            scatter.remember(result, report, known or job.made_with)
         if self._shown is not job:
             _show_since(scatter, job, result)
             self._shown, self._points = job, _points_of(result)
             if self._points is not None:
-                stands = _standing_of(result)
-                self._earlier[stands] = job
-                self._note_parts(outcome.request, stands, job)
+                self._known.note(outcome.request, _standing_of(result), job)
         self._written = scatter.ran_with, scatter.report_json
         running.redraw_sidebars()
-
-    def _note_parts(self, request: Request, stands: int, job: ScatterJob) -> None:
-        """Know what has come of a stroke in the end, wherever its parts have led."""
-        if request.as_one:
-            self._as_one.update(dict.fromkeys(self._left, job))
-        # One that runs on is shown once more, as is one that undo leads to.
-        for left, led_to in list(self._as_one.items()):
-            if led_to is request.job or (request.again and led_to is request.back_to):
-                self._as_one[left] = job
-        self._made_of[job] = request.made_with
-        if not request.part:
-            self._left.clear()
-        if request.begins or request.part:
-            self._left.append(stands)
 
     def _refuse(self, message: str) -> None:
         """Say what is wrong with what was asked for last, for as long as nothing else is."""
@@ -418,7 +396,7 @@ def _tick() -> float | None:
     """Look at all that lives; Blender calls it again after as many seconds as it returns."""
     global _last_sign
     _find()
-    if _followed and _stroke() is not None:
+    if _followed and strokes.brush() is not None:
         # The depsgraph is silent during strokes, and about images that no material uses also after them.
         _last_sign = time.monotonic()
     for key, live in list(_followed.items()):
@@ -448,7 +426,7 @@ def _find() -> None:
 
 def _can_be_read(context: bpy.types.Context, scatter: Scatter) -> bool:
     """Tell whether no stroke is under way that data must not meet which has to be made for reading weights."""
-    if _stroke() != _WEIGHTS:
+    if strokes.brush() != strokes.WEIGHTS:
         return True
     depsgraph = evaluated_depsgraph(context)
     return all(can_be_listed(target.evaluated_get(depsgraph)) for target in scatter.targets if target.vertex_groups)
@@ -510,25 +488,6 @@ def _standing_of(result: bpy.types.Object) -> int:
     """Return a checksum of what stands on a result's points, and how."""
     with checksums.now():
         return checksums.of_points(result)
-
-
-def _stroke() -> str | None:
-    """Return the name of the operator whose brush stroke is under way in some window."""
-    return _modal(_STROKES)
-
-
-def _is_under_way() -> bool:
-    """Tell whether something is changed step by step: by a brush stroke, or objects by the mouse."""
-    return _modal(_STROKES | _DRAGS) is not None
-
-
-def _modal(names: set[str]) -> str | None:
-    """Return which of some operators is under way in some window."""
-    for window in bpy.context.window_manager.windows:
-        for operator in window.modal_operators:
-            if operator.bl_idname in names:
-                return str(operator.bl_idname)
-    return None
 
 
 @persistent

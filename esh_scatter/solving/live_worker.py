@@ -18,6 +18,7 @@ from ...engine.quality.measurement import measure
 from ...engine.solver.solver import Bookmark, Progress, Solver
 from ..classes.survey import Survey
 from ..result.words import EVEN, unevenness
+from .strokes import Stroke
 
 if TYPE_CHECKING:
     from ..result.kept_ground import KeptPlaces
@@ -39,32 +40,25 @@ class Request:
 
     Attributes:
         job: Read from Blender, not prepared yet.
-        made_with: What identifies the settings and contents that it was read with.
         anew: Whether to begin from nothing, not from where bodies are.
         start: Where bodies are that the solver has not placed itself, or None.
         before: Where they are other ones than this request asks for: a job that asks for just these, and where these are; or None.
         few_steps: Whether nothing but counts and classes are other ones, so that few steps will do, and what is far stays.
         ready_only: Whether they are where this request would have them, so that there is nothing to solve yet.
         back_to: The job that has placed them where they are, if it was one of this worker.
-        begins: Whether it is the first of several that follow a stroke while it is made.
-        part: Whether it is a later one.
-        as_one: Whether the stroke has ended: it is followed as a whole, from where bodies were when it began. Each part on its own has
-            bodies move on a little, wherever they are.
         again: Whether what ``back_to`` has placed is to be shown once more, as something else stands there.
+        stroke: Which part of a stroke it follows; None for none.
     """
 
     job: ScatterJob
-    made_with: str
     anew: bool = False
     start: KeptPlaces | None = None
     before: tuple[ScatterJob, KeptPlaces] | None = None
     few_steps: bool = False
     ready_only: bool = False
     back_to: ScatterJob | None = None
-    begins: bool = False
-    part: bool = False
-    as_one: bool = False
     again: bool = False
+    stroke: Stroke | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +121,7 @@ class LiveWorker:
         # The job that was shown last, if nothing has moved since; and those before it.
         self._shown: ScatterJob | None = None
         self._earlier: list[_Earlier] = []
-        # What that was made with, and where a stroke began.
-        self._made_with = ""
+        # Where a stroke began.
         self._beginning: _Beginning | None = None
         # Steps of an edit that a solver began with.
         self._edited = 0
@@ -152,6 +145,11 @@ class LiveWorker:
     def busy(self) -> bool:
         """Whether it solves, or is about to."""
         return self._busy or self._waiting is not None
+
+    @property
+    def has_outcome(self) -> bool:
+        """Whether something has come out that nobody has taken yet."""
+        return self._outcome is not None
 
     @property
     def takes_edits(self) -> bool:
@@ -228,7 +226,7 @@ class LiveWorker:
     def _solve(self, request: Request) -> None:
         start = time.perf_counter()
         job = request.job
-        if not (request.part or request.as_one):
+        if request.stroke not in (Stroke.GOES_ON, Stroke.ENDS):
             self._forget_beginning()
         job.survey = self._survey
         job.prepare()
@@ -237,14 +235,14 @@ class LiveWorker:
             if request.ready_only and not request.again:
                 return
             steps = 0 if request.again else self._edit(request)
-        elif request.as_one and (beginning := self._back_to_beginning(request)) is not None:
-            steps = 0 if request.made_with == beginning.made_with else self._edit(request)
+        elif request.stroke is Stroke.ENDS and (beginning := self._back_to_beginning(request)) is not None:
+            steps = 0 if job.made_with == beginning.made_with else self._edit(request)
         elif self._can_go_on(request):
             steps = self._edit(request)
         else:
             self._unevenness = 0.0
             started = self._begin(request)
-            self._made, self._made_with = job, request.made_with
+            self._made = job
             if started and request.ready_only:
                 return
             assert self._solver is not None
@@ -254,7 +252,7 @@ class LiveWorker:
             if in_full:
                 steps, _ = self._solver.run(job.settings.max_steps, self._keep)
                 self._solver.separate(self._go_on, again=started)
-        self._made, self._made_with = job, request.made_with
+        self._made = job
         assert self._solver is not None
         before = self._unevenness
         measured = self._show(request, job, steps, start)
@@ -292,9 +290,7 @@ class LiveWorker:
         if self._beginning is None:
             # Undo does not lead to what the parts of a stroke have left.
             self._remember()
-        few = self._solver.model.body_count <= MOST_BODIES_EARLIER
-        if self._beginning is None and (request.begins or request.part) and few:
-            self._beginning = _Beginning(self._made_with, self._solver.bookmark(), self._unevenness)
+            self._mark_beginning(request)
         self._shown = None
         try:
             with self._solver.launcher.interruptible(self._drop_if_ended):
@@ -303,6 +299,13 @@ class LiveWorker:
             # Who knows how far it came.
             self._close()
             raise
+
+    def _mark_beginning(self, request: Request) -> None:
+        """Know where bodies are before a stroke is followed, if few enough are to be held on to for that."""
+        if self._solver is None or self._made is None or request.stroke not in (Stroke.BEGINS, Stroke.GOES_ON):
+            return
+        if self._solver.model.body_count <= MOST_BODIES_EARLIER:
+            self._beginning = _Beginning(self._made.made_with, self._solver.bookmark(), self._unevenness)
 
     def _back_to_beginning(self, request: Request) -> _Beginning | None:
         """Go back to where a stroke began, if that is known and can be gone on from; return where that is."""
@@ -352,8 +355,8 @@ class LiveWorker:
             self._solver.go_back(earlier.bookmark)
             self._unevenness = earlier.unevenness
         # What is shown once more is known by the job that shows it.
-        self._made = self._shown = request.job if request.again else request.back_to
-        self._made_with = request.made_with if request.ready_only or request.again else ""
+        self._shown = request.job if request.again else request.back_to
+        self._made = request.job if request.again or request.ready_only else request.back_to
         return True
 
     def _can_go_on(self, request: Request) -> bool:

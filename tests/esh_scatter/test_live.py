@@ -12,7 +12,7 @@ from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.result.display import followed_targets, our_modifier  # noqa: E402
 from esh.esh_scatter.result.node_group import MADE_OF, placed_objects  # noqa: E402
 from esh.esh_scatter.result.result import is_copy  # noqa: E402
-from esh.esh_scatter.solving import live  # noqa: E402
+from esh.esh_scatter.solving import live, strokes  # noqa: E402
 from esh.esh_scatter.targets import vertex_groups  # noqa: E402
 
 
@@ -97,7 +97,7 @@ def under_way(monkeypatch):
     """Have it look as if an operator was under way, by its name; None ends it."""
 
     def begin(operator):
-        monkeypatch.setattr(live, "_modal", lambda names: operator if operator in names else None)
+        monkeypatch.setattr(strokes, "operator_among", lambda names: operator if operator in names else None)
 
     return begin
 
