@@ -46,7 +46,9 @@ ATTENTIVE = 0.6
 # Share of the time that may go into looking at contents, while something changes and while nothing does.
 SHARE_ATTENTIVE, SHARE_AT_REST = 0.25, 0.02
 # Seconds of the main thread that reading may take for strokes to be followed before they end; what other programs take does not count.
+# What takes up to twice as long is read for a tenth of the time: one slow reading says little of the next.
 FOLLOWS_STROKES = 0.05
+SHARE_SLOW = 0.1
 # Seconds that quitting waits for the thread.
 LONGEST_JOIN = 5.0
 
@@ -189,7 +191,11 @@ class _Live:
             return False
         stroke = strokes.brush()
         # Colors and weights are read during the stroke, if that is quick; shapes only when the brush is lifted.
-        return stroke is None or (stroke in strokes.COLORS | {strokes.WEIGHTS} and self._reading < FOLLOWS_STROKES)
+        if stroke is None:
+            return True
+        if self._reading >= FOLLOWS_STROKES and time.monotonic() - self._looked < self._reading / SHARE_SLOW:
+            return False
+        return stroke in strokes.COLORS | {strokes.WEIGHTS} and self._reading < 2.0 * FOLLOWS_STROKES
 
     def _submit(self, context: bpy.types.Context, scatter: Scatter) -> None:
         """Have the scatter solved as it is now, if it differs from what was solved last."""
