@@ -36,7 +36,7 @@ class BlenderStandIn(ModuleType):
         return made
 
 
-for module_name in ("bpy", "mathutils"):
+for module_name in ("bmesh", "bpy", "mathutils"):
     sys.modules[module_name] = BlenderStandIn(module_name)
 
 autodoc_member_order = "bysource"

@@ -70,6 +70,8 @@ def points_on_sides(sides: Sides, place: np.ndarray, near: float) -> PointsOnSid
         near: No farther from the side than this [m], and farther from its ends.
     """
     open_side = np.flatnonzero(sides.count[sides.number] == 1)
+    if not len(open_side):
+        return PointsOnSides(open_side, open_side.copy(), np.zeros(0))
     start, end = sides.start[open_side], sides.end[open_side]
     way = place[end] - place[start]
     length = np.linalg.norm(way, axis=1)

@@ -1,16 +1,19 @@
 """Meshes that touch without sharing corners: heat goes on across their seams, and nowhere else."""
 
 from contextlib import closing
+from functools import partial
 
 import esh
 import numpy as np
 import pytest
+import trimesh
 import warp as wp
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.heat.heat_mesh import HeatMesh
 from esh.engine.heat.split_triangles import even_triangles, split_triangles
 from esh.engine.problem.nearest_on_triangles import nearest_on_triangles
+from scipy.spatial import cKDTree
 
 NEAR = 1e-3
 
@@ -89,3 +92,66 @@ def test_who_is_placed_across_a_seam_is_as_even_as_on_one_mesh():
         return np.mean([esh.solve(problem, device="cpu").report.coverage_error for problem in problems])
 
     assert error(surface((16, 32), (16, 23))) < 1.15 * error(esh.Surface(sheet(32, 32, 0.0, 1.0)))
+
+
+def in_parts(mesh, is_first, change=lambda part: part):
+    """A mesh in two, the second of which is changed."""
+    first, second = (mesh.submesh([np.flatnonzero(own)], append=True) for own in (is_first, ~is_first))
+    return [esh.SurfaceMesh(part.vertices, part.faces) for part in (first, change(second))]
+
+
+BOX = trimesh.creation.box((1.0, 1.0, 1.0))
+IS_LID = BOX.face_normals[:, 2] > 0.5
+BALL = trimesh.creation.icosphere(subdivisions=4)
+IS_UPPER = BALL.triangles_center[:, 2] > 0.0
+
+
+def box_with_a_corner_within_a_side():
+    face = int(np.flatnonzero(IS_LID)[0])
+    a, b, c = (int(corner) for corner in BOX.faces[face])
+    faces = np.vstack([np.delete(BOX.faces, face, axis=0), [[8, b, c], [a, 8, c]]])
+    return [esh.SurfaceMesh(np.vstack([BOX.vertices, BOX.vertices[[a, b]].mean(axis=0)]), faces)]
+
+
+def box_with_a_finer_lid(subdivisions):
+    def finer(part):
+        for _ in range(subdivisions):
+            part = part.subdivide()
+        return part
+
+    return in_parts(BOX, ~IS_LID, finer)
+
+
+def soup(noise):
+    corner = BALL.triangles.reshape(-1, 3) + np.random.default_rng(0).normal(0.0, noise, (3 * len(BALL.faces), 3))
+    return [esh.SurfaceMesh(corner, np.arange(len(corner)).reshape(-1, 3))]
+
+
+def rounded(part):
+    return trimesh.Trimesh(part.vertices.astype(np.float32), part.faces, process=False)
+
+
+CLOSED = {
+    "a corner within a side": box_with_a_corner_within_a_side,
+    **{f"a lid {2**k} times as fine": partial(box_with_a_finer_lid, k) for k in (1, 2, 3, 5)},
+    "halves a little apart": lambda: in_parts(BALL, IS_UPPER, lambda part: part.apply_translation((0.0, 0.0, -1e-6))),
+    "halves, one of single precision": lambda: in_parts(BALL, IS_UPPER, rounded),
+    **{f"triangles moved by {noise:g}": partial(soup, noise) for noise in (1e-9, 1e-6, 1e-4)},
+}
+
+
+@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda:0", marks=pytest.mark.cuda)])
+@pytest.mark.parametrize("closed", CLOSED.values(), ids=CLOSED)
+def test_what_closes_without_sharing_corners_is_as_even_as_what_is_closed(closed, device):
+    """Once the last open side has met another one, nothing is left to look at."""
+    meshes = closed()
+    whole = BOX if esh.Surface(meshes).area < 7.0 else BALL
+    placements = [
+        esh.solve(esh.Problem(esh.Surface(some), [esh.BodyClass("a", [esh.Size("s", 1e-6, 1000)])]), device=device)
+        for some in (meshes, [esh.SurfaceMesh(whole.vertices, whole.faces)])
+    ]
+    found, expected = (cKDTree(one.position).query(one.position, 2)[0][:, 1] for one in placements)
+    assert found.min() > 0.94 * expected.min()
+    assert found.mean() > 0.985 * expected.mean()
+    assert placements[0].report.coverage_error < 1.5 * placements[1].report.coverage_error
+    assert placements[0].report.converged
