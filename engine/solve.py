@@ -49,9 +49,9 @@ def solve(
         profile: Gets the seconds that every phase takes.
 
     Returns:
-        The placement, with exact counts and its report. ``report.converged`` is True when the bodies came to rest, an RMS move in
-        the last step below 0.005 of the local spacing (0.02 where outlines that keep apart cover more than 75 % of their ground, and
-        contact decides how far they move), and no outlines overlap where they are to keep apart.
+        The placement, with exact counts and its report. ``report.converged`` is True when the bodies came to rest, RMS moves in
+        most of the last three steps below 0.005 of the local spacing (0.02 where outlines that keep apart cover more than 75 % of
+        their ground, and contact decides how far they move), and no outlines overlap where they are to keep apart.
 
         More steps may still help a little then: of 2,000 bodies that is so from 20 steps on, where coverage errors are up to a
         fifth above those after 400.

@@ -18,6 +18,7 @@ from esh.engine.problem.size import Size
 from esh.engine.quality.measurement import measure
 from esh.engine.solve import solve
 from esh.engine.solver.body_flags import BodyFlags
+from esh.engine.solver.direction import Direction
 from esh.engine.solver.model import Model
 from esh.engine.solver.solver import Solver
 from esh.engine.solver.state import State
@@ -174,6 +175,23 @@ def test_a_solver_at_its_end_says_so(use):
         solver.last_placement()
         with pytest.raises(ProblemError, match="make another one"):
             USES[use](solver, {})
+
+
+@pytest.mark.parametrize("watched", [False, True])
+@pytest.mark.parametrize(
+    ("last", "expected"), [((0.002, 0.003, 0.009), True), ((0.002, 0.009, 0.003), True), ((0.002, 0.009, 0.009), False)]
+)
+def test_one_of_the_last_steps_alone_does_not_tell_whether_bodies_have_settled(last, expected, watched, monkeypatch):
+    """Of so many steps one stands out now and then, as some body goes round an edge or takes another's place in it."""
+    answers = iter([0.1] * 60)
+    with Solver(problem_of("dots"), device="cpu") as solver:
+
+        def residual(_):
+            left = 20 - int(solver.descent.state.steps.max())
+            return last[-1 - left] if left < 3 else next(answers)
+
+        monkeypatch.setattr(Direction, "residual", residual)
+        assert solver.run(20, (lambda _: None) if watched else None) == (20, expected)
 
 
 def test_one_step_does_not_tell_that_bodies_have_settled():
