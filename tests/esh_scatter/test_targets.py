@@ -93,6 +93,27 @@ def test_a_ball_is_covered_all_round():
     assert report["classes"][0]["sizes"][0]["placed"] == 400
 
 
+def test_two_halves_of_a_ball_are_covered_like_a_ball():
+    """Each has an origin of its own, so that their borders are one but for rounding."""
+    halves = []
+    for upper in (True, False):
+        half = added("ico_sphere", subdivisions=4, radius=2.0)
+        mesh = bmesh.new()
+        mesh.from_mesh(half.data)
+        elsewhere = [face for face in mesh.faces if (face.calc_center_median().z > 0.0) is not upper]
+        bmesh.ops.delete(mesh, geom=elsewhere, context="FACES")
+        shift = Vector((0.1, 0.2, 0.3)) * (1 if upper else -7)
+        bmesh.ops.translate(mesh, vec=shift, verts=mesh.verts)
+        mesh.to_mesh(half.data)
+        half.location = Vector((5, -3, 1)) - shift
+        halves.append(half)
+    result = scatter(halves, classes(400), surface="whole", **OPTIONS)
+    place, up = assert_stands_on(result, in_the_world(*halves))
+    assert np.abs((place - (5, -3, 1)).mean(axis=0) / 2.0).max() < 0.01
+    report = result.report.to_dict()
+    assert report["coverage_error"] < 0.04 and report["smallest_spacing"] > 0.7
+
+
 def test_objects_stand_upright_or_along_the_normal_or_between():
     ball, one = added("ico_sphere", subdivisions=3), chip()
     angles = {}

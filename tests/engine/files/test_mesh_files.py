@@ -59,6 +59,16 @@ def test_every_format_gives_the_same_surface(folder, ending):
     assert surface.part.max() == 0
 
 
+def test_files_whose_meshes_close_each_other_are_one_surface(folder):
+    """One has numbers of single precision, and the other text of eight digits."""
+    ball = trimesh.creation.icosphere(subdivisions=3).apply_translation((7.3, 5.1, 3.7))
+    for name, own in (("up.ply", ball.triangles_center[:, 2] > 3.7), ("down.obj", ball.triangles_center[:, 2] < 3.7)):
+        ball.submesh([np.flatnonzero(own)], append=True).export(folder / name)
+    placement = solve(read_recipe(recipe(folder, '["up.ply", "down.obj"]')), device="cpu")
+    assert placement.report.coverage_error < 0.02 and placement.report.smallest_spacing > 0.75
+    assert np.abs(placement.position.mean(axis=0) - (7.3, 5.1, 3.7)).max() < 0.02
+
+
 def test_scenes_keep_where_their_meshes_are(tmp_path):
     scene = trimesh.Scene()
     for x in (0.0, 3.0):
