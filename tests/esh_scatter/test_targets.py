@@ -108,7 +108,7 @@ def test_two_halves_of_a_ball_are_covered_like_a_ball():
         half.location = Vector((5, -3, 1)) - shift
         halves.append(half)
     result = scatter(halves, classes(400), surface="whole", **OPTIONS)
-    place, up = assert_stands_on(result, in_the_world(*halves))
+    place, _ = assert_stands_on(result, in_the_world(*halves))
     assert np.abs((place - (5, -3, 1)).mean(axis=0) / 2.0).max() < 0.01
     report = result.report.to_dict()
     assert report["coverage_error"] < 0.04 and report["smallest_spacing"] > 0.7
