@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
+import dataclasses
+import importlib
 import math
 import os
 import subprocess
@@ -20,9 +21,9 @@ from hypothesis import strategies as st
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
-_spec = importlib.util.spec_from_file_location("fuzz", ROOT / "tools" / "fuzz.py")
-fuzz = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(fuzz)
+with pytest.MonkeyPatch.context() as patch:
+    patch.syspath_prepend(ROOT / "tools")
+    fuzz, fuzz_checks = map(importlib.import_module, ("fuzz", "fuzz_checks"))
 
 QUIETLY = settings(
     deadline=None, max_examples=int(os.environ.get("ESH_EXAMPLES", "60")), suppress_health_check=list(HealthCheck)
@@ -139,7 +140,7 @@ def test_any_argument_of_the_api_is_placed_or_refused_in_a_sentence(kind, data):
     except esh.EshError as error:
         assert "\n" not in str(error) and 0 < len(str(error)) < 1000
         return
-    fuzz.check_placement(placement)
+    fuzz_checks.check_placement(placement)
 
 
 @QUIETLY
@@ -181,10 +182,8 @@ def test_any_argument_of_the_functions_is_used_or_refused_in_a_sentence(value, w
 
 def test_the_fuzz_finds_what_is_broken(tmp_path):
     script = (
-        "import sys, importlib.util\n"
-        f"spec = importlib.util.spec_from_file_location('fuzz', {str(ROOT / 'tools' / 'fuzz.py')!r})\n"
-        "fuzz = importlib.util.module_from_spec(spec)\nspec.loader.exec_module(fuzz)\n"
-        "print(fuzz.main(['--seconds', sys.argv[1]]))\n"
+        f"import sys\nsys.path.insert(0, {str(ROOT / 'tools')!r})\n"
+        "import fuzz\nprint(fuzz.main(['--seconds', sys.argv[1]]))\n"
     )
     finished = subprocess.run(
         [sys.executable, "-c", script, "4"], capture_output=True, text=True, timeout=200, check=True
@@ -194,11 +193,9 @@ def test_the_fuzz_finds_what_is_broken(tmp_path):
 
 
 def test_a_placement_that_breaks_a_promise_is_told_of():
-    import dataclasses
-
     problem = esh.Problem(esh.Domain((4.0, 3.0)), [esh.BodyClass("a", [esh.Size("s", 0.1, 30)], np.eye(4))])
     placement = esh.solve(problem, device="cpu", max_steps=5)
-    fuzz.check_placement(placement)
+    fuzz_checks.check_placement(placement)
     position = placement.position.copy()
     position[3] = np.nan
     outside = placement.position + [9.0, 0.0]
@@ -214,4 +211,21 @@ def test_a_placement_that_breaks_a_promise_is_told_of():
         ({"report": dataclasses.replace(report, coverage_error=math.nan)}, "report is no number"),
     ):
         with pytest.raises(AssertionError, match=said):
-            fuzz.check_placement(dataclasses.replace(placement, **broken))
+            fuzz_checks.check_placement(dataclasses.replace(placement, **broken))
+
+
+def test_a_placement_on_a_surface_that_breaks_a_promise_is_told_of():
+    corner = [[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)]
+    mesh = esh.SurfaceMesh(corner, [[0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]])
+    problem = esh.Problem(esh.Surface(mesh), [esh.BodyClass("a", [esh.Size("s", 0.01, 30)])])
+    placement = esh.solve(problem, device="cpu", max_steps=5)
+    fuzz_checks.check_placement(placement)
+    for broken, said in (
+        ({"position": placement.position + 0.1}, "not on its triangle"),
+        ({"triangle": placement.triangle[::-1]}, "not on its triangle"),
+        ({"barycentric": placement.barycentric * 2.0}, "weights"),
+        ({"normal": placement.normal * 0.5}, "length of 1"),
+        ({"tangent": placement.normal}, "tangent"),
+    ):
+        with pytest.raises(AssertionError, match=said):
+            fuzz_checks.check_placement(dataclasses.replace(placement, **broken))
