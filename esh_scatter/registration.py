@@ -9,7 +9,7 @@ from .classes import lent_survey
 from .editing import dropped_presets, forecast, painting
 from .operators import exchange as exchange_operators
 from .properties import body_class, layer, obstacle, placed, scatter, scene, size
-from .sidebar import asset_shelf, density_preview, lists, menus, panels
+from .sidebar import asset_shelf, density_preview, export_notes, lists, menus, panels
 from .solving import live, running
 
 __all__ = ["register", "unregister"]
@@ -27,6 +27,7 @@ _MODULES = (
     asset_shelf,
     menus,
     panels,
+    export_notes,
     exchange_operators,
 )
 
@@ -42,6 +43,7 @@ def register() -> None:
     painting.attach()
     dropped_presets.attach()
     exchange_operators.attach()
+    export_notes.attach()
     menus.attach()
     # Python that imported Blender as a module hangs on leaving while classes of an add-on are registered.
     atexit.register(unregister)
@@ -58,6 +60,7 @@ def unregister() -> None:
     forecast.detach()
     lent_survey.detach()
     menus.detach()
+    export_notes.detach()
     exchange_operators.detach()
     dropped_presets.detach()
     painting.detach()

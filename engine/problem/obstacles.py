@@ -44,6 +44,8 @@ SAME_CORNER = 1e-9
 THINNEST = 1e-3
 # Sine of the angle between a tangent and a normal at least: below this it does not say where along the surface an outline points.
 SMALLEST_SINE = 1e-6
+# Edges times pixels of a polygon that are looked at together.
+MOST_AT_ONCE = 1 << 18
 # Edges of a polygon that is looked at for crossings.
 MOST_EDGES_THAT_CROSS = 1000
 
@@ -563,6 +565,40 @@ def _cut_shape(
     rows, columns, xs, ys = _window(corners.min(0) - most, corners.max(0) + most, domain, shape)
     if not (len(xs) and len(ys)):
         return
+    near = _all_edges if len(corners) * len(ys) * len(xs) <= MOST_AT_ONCE else _edge_by_edge
+    away, inside = near(corners, xs, ys, most)
+    np.sqrt(away, out=away)
+    np.negative(away, out=away, where=inside)
+    away -= obstacle.margin
+    np.minimum(result[rows, columns], away, out=result[rows, columns], casting="same_kind")
+
+
+def _all_edges(corners: np.ndarray, xs: np.ndarray, ys: np.ndarray, most: float) -> tuple[np.ndarray, np.ndarray]:
+    """Squared distance of pixels from the nearest edge of a polygon, ``most`` squared at most, and whether they are inside.
+
+    Args:
+        corners: Of the polygon, shape ``[k, 2]``.
+        xs: Of the columns' centers, shape ``[w]``.
+        ys: Of the rows' centers, falling, shape ``[h]``.
+        most: Distance beyond which nobody asks.
+
+    Returns:
+        Both of shape ``[h, w]``.
+    """
+    start, end = corners[:, :, None, None], np.roll(corners, -1, axis=0)[:, :, None, None]
+    edge = end - start
+    dx, dy = xs - start[:, 0], ys[:, None] - start[:, 1]
+    along = np.clip((dx * edge[:, 0] + dy * edge[:, 1]) / np.maximum((edge**2).sum(axis=1), 1e-300), 0.0, 1.0)
+    squared = ((dx - along * edge[:, 0]) ** 2 + (dy - along * edge[:, 1]) ** 2).min(axis=0)
+    rises = np.where(edge[:, 1] == 0.0, 1.0, edge[:, 1])
+    low, high = np.minimum(start[:, 1], end[:, 1]), np.maximum(start[:, 1], end[:, 1])
+    crossed = (ys[:, None] >= low) & (ys[:, None] < high)
+    left = xs < start[:, 0] + dy * edge[:, 0] / rises
+    return np.minimum(squared, most**2), np.logical_xor.reduce(crossed & left, axis=0)
+
+
+def _edge_by_edge(corners: np.ndarray, xs: np.ndarray, ys: np.ndarray, most: float) -> tuple[np.ndarray, np.ndarray]:
+    """The same where there are many pixels: of each edge only those near it are looked at."""
     inside = np.zeros((len(ys), len(xs)), bool)
     away = np.full(inside.shape, most**2)
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
@@ -579,10 +615,7 @@ def _cut_shape(
         if len(crossed):
             crossing = a[0] + (ys[crossed] - a[1]) * edge[0] / edge[1]
             inside[crossed] ^= xs < crossing[:, None]
-    np.sqrt(away, out=away)
-    np.negative(away, out=away, where=inside)
-    away -= obstacle.margin
-    np.minimum(result[rows, columns], away, out=result[rows, columns], casting="same_kind")
+    return away, inside
 
 
 # How far pixels are from images of obstacles, and up to which reach that is known, by domain and number of pixels: a problem asks more

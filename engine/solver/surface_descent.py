@@ -125,7 +125,8 @@ class SurfaceDescent:
         state: Where the bodies are; at first on Hilbert curves.
         facets: The surface, cut.
         cascade: The forces.
-        ground: What kernels know of the surface.
+        ground: What kernels know of the surface, as bodies see it.
+        ground_from_near: The same as outlines lie on it.
         rules: What lines are to do.
         charges: Where the charges are.
         poses: Where the bodies are, as kernels take it.
@@ -157,10 +158,11 @@ class SurfaceDescent:
         if shares is not None:
             share = shares(self.facets)
         # Contact and lines go by what the surface is from near.
+        from_near = on_device
         self._from_afar: kernels_facets.Facets | None = None
         if before is not None and before.model.unit != model.unit:
             before = None
-        if not keeps_apart(model) and not model.kinds and looks_other_from_afar(self.facets):
+        if not model.kinds and looks_other_from_afar(self.facets):
             seen = None if before is None else before._from_afar
             self._from_afar = on_device = seen_from_afar(launcher, self.facets, on_device, 1.0, seen)
         asked = started = share
@@ -177,6 +179,7 @@ class SurfaceDescent:
         of_group[np.arange(len(column)), column] = model.group_charge
         self._make_forces(on_device, of_group, before)
         self.ground = self._make_ground(on_device, share, model.interaction @ of_group)
+        self.ground_from_near = _with_facets(self.ground, from_near)
         n = model.body_count
         self.charges = _charges(launcher, model.charge_count)
         self.rules = SurfaceLineRules(model, launcher, self.facets)
@@ -196,7 +199,7 @@ class SurfaceDescent:
         self.motion = self.state.motion(change=launcher.zeros(n, wp.vec3), turn_change=launcher.zeros(n, wp.vec2))
         self.contact: SurfaceContact | None = None
         if keeps_apart(model):
-            self.contact = SurfaceContact(model, launcher, self.bodies, self.ground, self.poses, self.motion)
+            self.contact = SurfaceContact(model, launcher, self.bodies, self.ground_from_near, self.poses, self.motion)
         self.place_charges()
         self.step = launcher.record(self.take_step)
         self.heat = HeatMeshes(launcher, surface)
@@ -288,7 +291,7 @@ class SurfaceDescent:
             self.model,
             self.launcher,
             self.bodies,
-            self.ground,
+            self.ground_from_near,
             self.facets,
             self.state,
             self.share,
@@ -320,7 +323,7 @@ class SurfaceDescent:
         self.launcher.launch(
             kernels_surface_bends.lay_bends,
             model.body_count,
-            [self.poses, self.bodies, self.ground],
+            [self.poses, self.bodies, self.ground_from_near],
             [position, missed],
             grain=GRAIN_OF_NEIGHBORS,
         )
@@ -682,6 +685,15 @@ def _charges(launcher: Launcher, count: int) -> kernels_on_surface.Charges:
     charges.facet, charges.home = launcher.empty(count, wp.int32), launcher.empty(count, wp.int32)
     charges.weight, charges.field = launcher.empty(count, wp.vec2), launcher.zeros(count, wp.vec3)
     return charges
+
+
+def _with_facets(ground: kernels_on_surface.Ground, facets: kernels_facets.Facets) -> kernels_on_surface.Ground:
+    """The same of other facets."""
+    result = kernels_on_surface.Ground()
+    for name in kernels_on_surface.Ground.vars:
+        setattr(result, name, getattr(ground, name))
+    result.facets = facets
+    return result
 
 
 def _most_stretch(model: Model) -> float:

@@ -16,7 +16,8 @@ from collections.abc import Callable
 import numpy as np
 
 from ..problem.of_bodies import of_all
-from .contact import keeps_apart
+from .contact import contact_radii
+from .model import Model
 from .surface_contact import SurfaceContact
 from .surface_descent import SurfaceDescent
 
@@ -33,9 +34,9 @@ MOST_PUSHES = 12
 def keep_least_spacing(descent: SurfaceDescent, go_on: Callable[[], bool] | None = None) -> None:
     """Push bodies apart that are closer than any should be, where a class of alike bodies is spread evenly over all of a surface.
 
-    Others stand as close as their densities let them, and footprints that keep apart have contact. Beside the foot of a part that
-    stands on another one many bodies are a little too close, and pushing them all costs more than it is worth: errors there at 1
-    spacing rise by a twentieth, behind a wall and a carpet by a half.
+    Others stand as close as their densities let them, and footprints that reach farther than that have contact. Beside the foot of a
+    part that stands on another one many bodies are a little too close, and pushing them all costs more than it is worth: errors there
+    at 1 spacing rise by a twentieth, behind a wall and a carpet by a half.
 
     Args:
         descent: Where they are.
@@ -44,10 +45,13 @@ def keep_least_spacing(descent: SurfaceDescent, go_on: Callable[[], bool] | None
     model, charge = descent.model, descent.model.charge.charge
     alike = len(model.problem.classes) == 1 and not model.kinds and float(np.ptp(charge)) == 0.0
     stands = descent.ground.facets.relations != 0
-    if not alike or stands or keeps_apart(model) or model.problem.classes[0].varies_on_surface:
+    if not alike or stands or model.problem.classes[0].varies_on_surface:
+        return
+    radius = _radius(descent)
+    if model.problem.avoid_overlap and (_farthest(model) > model.unit * radius).any():
         return
     contact = SurfaceContact(
-        model, descent.launcher, descent.bodies, descent.ground, descent.poses, descent.motion, _radius(descent)
+        model, descent.launcher, descent.bodies, descent.ground_from_near, descent.poses, descent.motion, radius
     )
     with descent.launcher.phase("contact"):
         for _ in range(MOST_PUSHES):
@@ -55,6 +59,14 @@ def keep_least_spacing(descent: SurfaceDescent, go_on: Callable[[], bool] | None
             if not contact.overlap_count() or (go_on is not None and not go_on()):
                 break
         descent.place_charges()
+
+
+def _farthest(model: Model) -> np.ndarray:
+    """How far footprints reach as they keep apart [m], shape ``[body_count]``."""
+    footprints = model.footprints
+    circle = np.array([outline.circumradius for outline in footprints.shapes] + [0.0])[footprints.shape]
+    outlined = circle * footprints.factor * footprints.room + 0.5 * footprints.gap
+    return np.where(footprints.is_outline, outlined, contact_radii(model, np.zeros(model.body_count)))
 
 
 def _radius(descent: SurfaceDescent) -> np.ndarray:

@@ -16,7 +16,8 @@ import numpy as np
 
 from ...engine.errors import ProblemError
 from ...engine.problem.clumps import occupied
-from ...engine.problem.convex_polygon import convex_hull, width_of
+from ...engine.problem.convex_polygon import convex_hull, enclosing_polygon, width_of
+from ...engine.problem.footprint import MOST_CORNERS
 from ...engine.problem.obstacles import Obstacle
 from ...engine.problem.prepared_class import PreparedClass
 from ...engine.problem.settings import Settings, described, setting
@@ -134,7 +135,10 @@ class Stood:
     lying: LyingNow
 
     def outlines(self, survey: Survey) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Give of every mesh that covers ground which ones it is, shape ``[n]``, and its outline's corners at scale 1, ``[k, 2]``."""
+        """Give of every mesh that covers ground which ones it is, shape ``[n]``, and its outline's corners at scale 1, ``[k, 2]``.
+
+        There are as few of these as footprints have, so that each is met as one of those.
+        """
         for number, mesh in enumerate(self.meshes):
             own = np.flatnonzero(self.variant == number)
             if mesh is None or not len(own):
@@ -143,7 +147,7 @@ class Stood:
                 corners = np.array(survey.outline(mesh, KEY).corners)
             except ProblemError:  # it covers no ground
                 continue
-            yield own, corners
+            yield own, enclosing_polygon(corners, MOST_CORNERS)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,11 @@ import pytest
 import trimesh
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.fixed_bodies import FixedBodies
+from esh.engine.problem.footprint import Footprint
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
+from esh.engine.solve import solve
 from esh.engine.solver.solver import Solver
 from scipy.spatial import cKDTree
 
@@ -133,3 +135,30 @@ def test_classes_that_share_the_ground_stand_as_close_as_they_may():
     before, after = before_and_after(Problem(surface, classes))
     np.testing.assert_array_equal(before.position, after.position)
     assert cKDTree(after.position).query(after.position, k=2)[0][:, 1].min() > 0.0
+
+
+@pytest.mark.parametrize("area", [1e-8, 1e-4])
+def test_footprints_that_never_meet_change_nothing(area):
+    """That they keep apart had the surface looked at from near, and nobody pushed: .53 spacings on Suzanne instead of .78."""
+
+    def solved(apart):
+        asked = [BodyClass("a", [Size("s", area, COUNT)])]
+        return solve(Problem(creased(), asked, avoid_overlap=apart), device="cpu")
+
+    points, apart = solved(False), solved(True)
+    assert smallest(apart) >= 0.779
+    assert apart.report.coverage_error < 1.15 * points.report.coverage_error
+
+
+@pytest.mark.parametrize(("corners", "least"), [(None, 0.77), ([[-2, -0.5], [2, -0.5], [2, 0.5], [-2, 0.5]], 0.71)])
+def test_footprints_see_a_rough_surface_as_it_is_on_average(corners, least):
+    """From near what two of them see of each other is chance: errors were twice as high, and the smallest spacings .1 less."""
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    bump = 1.0 + 0.02 * np.random.default_rng(0).normal(size=(len(ball.vertices), 1))
+    surface = Surface(SurfaceMesh(ball.vertices * bump, ball.faces))
+    area = 0.4 * surface.area / COUNT
+    footprint = None if corners is None else Footprint.polygon(0.5 * np.sqrt(area) * np.array(corners))
+    asked = [BodyClass("a", [Size("s", area, COUNT, footprint=footprint)])]
+    report = solve(Problem(surface, asked, avoid_overlap=True), device="cpu").report
+    assert report.overlaps == 0 and report.converged
+    assert report.coverage_error < 0.0034 and report.smallest_spacing > least
