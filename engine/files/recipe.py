@@ -97,7 +97,7 @@ from ..problem.validation import show
 from .image_files import read_color
 from .recipe_keys import WORDS, keys_of, read_group, read_settings
 from .recipe_scene import files_of_tables, read_fixed, read_obstacles
-from .recipe_surface import read_surface, surface_files
+from .recipe_surface import check_lies_on_surface, read_surface, surface_files
 from .recipe_table import RecipeTable, read_toml
 
 __all__ = ["ParsedRecipe", "parse_recipe", "read_recipe", "recipe_colors", "recipe_densities"]
@@ -167,7 +167,10 @@ def read_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = None) -> 
         rectangle = domain
         problem = table.build(lambda: _read_image(table, rectangle, balance))
         return recipe.build(lambda: replace(problem, **settings, **scene))
-    classes = [_read_class(table) for table in recipe.tables("class")]
+    tables = recipe.tables("class")
+    for table in tables if isinstance(domain, Surface) else ():
+        check_lies_on_surface(table)
+    classes = [_read_class(table) for table in tables]
     recipe.check_unique("class", [body_class.name for body_class in classes])
     return recipe.build(lambda: Problem(domain, classes, Balance(**balance), **settings, **scene))
 

@@ -21,7 +21,7 @@ from .input_file import check_is_file
 from .mesh_files import read_meshes
 from .recipe_table import RecipeTable
 
-__all__ = ["read_surface", "read_surface_density", "read_surface_direction", "surface_files"]
+__all__ = ["check_lies_on_surface", "read_surface", "read_surface_density", "read_surface_direction", "surface_files"]
 
 MAPPINGS = ("uv", "triplanar")
 
@@ -36,6 +36,14 @@ def read_surface(table: RecipeTable) -> Surface:
         except InputFileError as error:
             raise table.error("mesh", f"cannot be used: {error}") from None
     return table.build(lambda: Surface(meshes))
+
+
+def check_lies_on_surface(table: RecipeTable) -> None:
+    """Raise InputFileError where the density of a table ``[[class]]`` is an image that does not say how it lies on a surface."""
+    density = table.entries.get("density")
+    if isinstance(density, str):
+        name = show(density)
+        raise table.error("density", f"must say how the image lies on the surface: {{ image = {name} }}; got {name}")
 
 
 def read_surface_density(table: RecipeTable) -> SurfaceDensity:

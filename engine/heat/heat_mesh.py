@@ -35,8 +35,9 @@ MOST_PER_BODY = 8
 FEWEST = 400_000
 # Detail that is finer than this share of a spacing need not spread fast: bounds the number of polynomials where triangles are slivers.
 FINEST = 1.0 / 12.0
-# Sides that are no farther apart than this share of a spacing touch, as they do for the forces.
-NEAR = 0.02
+# Sides that are no farther apart than this share of a spacing touch, as what is beyond them is near for the forces: errors of meshes
+# whose borders are 0.02 to 0.1 spacings apart, as halves of a ball with other numbers of corners have, were ten times too high.
+NEAR = 0.1
 # Of slivers it may be this share, so that no larger share of the surface's area is too slow.
 SHORTEST = 1.0 / 100.0
 MOST_SLOWED = 0.01

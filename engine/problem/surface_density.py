@@ -15,6 +15,8 @@ from .surface import PointsOnSurface
 
 __all__ = ["SurfaceAttribute", "SurfaceDensity", "SurfaceImage", "SurfaceTriplanar", "check_density", "density_at"]
 
+# A UV map goes beyond an image where it does so by more than rounding.
+BEYOND = 1e-6
 # Gets points and returns one value of 0 or more for each, shape [n].
 SurfaceDensity = Callable[[PointsOnSurface], np.ndarray]
 
@@ -47,7 +49,7 @@ def _check_image(value: object, key: str) -> np.ndarray:
 @described
 @dataclass(frozen=True, eq=False)
 class SurfaceImage(Settings):
-    """A density on a surface: an image through the meshes' UV maps; it repeats."""
+    """A density on a surface: an image through the meshes' UV maps; it repeats where a map goes beyond it."""
 
     image: np.ndarray = field(
         metadata=setting("The image", more="Shape ``[height, width]``, row 0 at v = 1", check=_check_image)
@@ -59,7 +61,12 @@ class SurfaceImage(Settings):
 
     def at(self, points: PointsOnSurface, key: str) -> np.ndarray:
         """Return the same; sentences call the density ``key``."""
-        return _bilinear(self.image, points.uv(key))
+        uv = points.uv(key)
+        meshes = points.surface.meshes
+        assert isinstance(meshes, tuple)
+        maps = [mesh.uv for mesh in meshes if mesh.uv is not None]
+        beyond = any(m.min(initial=0.0) < -BEYOND or m.max(initial=1.0) > 1.0 + BEYOND for m in maps)
+        return _bilinear(self.image, uv, repeats=beyond)
 
 
 @described
@@ -118,14 +125,18 @@ def density_at(density: SurfaceDensity | None, points: PointsOnSurface, key: str
     return values
 
 
-def _bilinear(image: np.ndarray, uv: np.ndarray) -> np.ndarray:
-    """An image that repeats, between the centers of its pixels."""
+def _bilinear(image: np.ndarray, uv: np.ndarray, *, repeats: bool = True) -> np.ndarray:
+    """An image between the centers of its pixels; it repeats, or its borders go on as they are."""
     height, width = image.shape
     x, y = uv[:, 0] * width - 0.5, (1.0 - uv[:, 1]) * height - 0.5
     left, top = np.floor(x), np.floor(y)
     fx, fy = x - left, y - top
-    column, row = left.astype(np.int64), top.astype(np.int64)
-    columns, rows = (column % width, (column + 1) % width), (row % height, (row + 1) % height)
+    # Coordinates that are no numbers give values that are none, whichever pixel they are taken from.
+    column, row = (np.where(np.isfinite(at), at, 0.0).astype(np.int64) for at in (left, top))
+    columns, rows = (
+        [at % n if repeats else at.clip(0, n - 1) for at in (first, first + 1)]
+        for first, n in ((column, width), (row, height))
+    )
     upper = (1.0 - fx) * image[rows[0], columns[0]] + fx * image[rows[0], columns[1]]
     lower = (1.0 - fx) * image[rows[1], columns[0]] + fx * image[rows[1], columns[1]]
     return (1.0 - fy) * upper + fy * lower

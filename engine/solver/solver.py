@@ -531,10 +531,10 @@ class Solver:
         on_surface = isinstance(model.problem.domain, Surface)
         axes = "x, y and z" if on_surface else "x and y"
         position = np.asarray(position, np.float64)
-        if position.shape != (model.body_count, 2 + on_surface) or not np.isfinite(position).all():
-            raise ProblemError(
-                f"`position` must hold {axes} of {model.body_count} bodies, all finite; got shape {list(position.shape)}"
-            )
+        fits = position.shape == (model.body_count, 2 + on_surface)
+        if not fits or not np.isfinite(position).all():
+            got = f"{show(position[~np.isfinite(position)][0])} among them" if fits else f"shape {list(position.shape)}"
+            raise ProblemError(f"`position` must hold {axes} of {model.body_count} bodies, all finite; got {got}")
         if identity is not None:
             identity = np.where(model.fixed, body.identity, identity)
             if (identity < 0).any() or (np.diff(np.sort(identity)) == 0).any():

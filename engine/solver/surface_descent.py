@@ -690,7 +690,7 @@ def _charges(launcher: Launcher, count: int) -> kernels_on_surface.Charges:
 def _with_facets(ground: kernels_on_surface.Ground, facets: kernels_facets.Facets) -> kernels_on_surface.Ground:
     """The same of other facets."""
     result = kernels_on_surface.Ground()
-    for name in kernels_on_surface.Ground.vars:
+    for name in kernels_on_surface.Ground.__annotations__:
         setattr(result, name, getattr(ground, name))
     result.facets = facets
     return result

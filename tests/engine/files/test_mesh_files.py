@@ -239,7 +239,11 @@ def test_bodies_of_a_recipe_stand_where_the_image_lies_along_the_axes(folder):
         ('"rock.obj"', "1.0", "`surface.mesh` cannot be used: .*rock.obj does not exist"),
         ("3", "1.0", "`surface.mesh` must be the name of a mesh file, or a list of such; got 3"),
         ("[]", "1.0", "must be the name of a mesh file, or a list of such"),
-        ('"ball.ply"', '"ramp.png"', r"such as SurfaceImage\(image\); got an image"),
+        (
+            '"ball.ply"',
+            '"ramp.png"',
+            r'must say how the image lies on the surface: . image = "ramp.png" .; got "ramp.png"',
+        ),
         ('"ball.ply"', '{ image = "ramp.png" }', "needs a UV map"),
         (
             '"ball.ply"',

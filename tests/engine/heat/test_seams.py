@@ -155,3 +155,14 @@ def test_what_closes_without_sharing_corners_is_as_even_as_what_is_closed(closed
     assert found.mean() > 0.985 * expected.mean()
     assert placements[0].report.coverage_error < 1.5 * placements[1].report.coverage_error
     assert placements[0].report.converged
+
+
+@pytest.mark.parametrize("apart", [0.02, 0.05, 0.09])
+def test_errors_across_a_gap_that_forces_see_across_are_those_of_one_mesh(apart):
+    """What is beyond a gap of less than a tenth of a spacing is near: errors of what is even were ten times as high there."""
+    count = 1500
+    gap = apart * np.sqrt(2.0 / np.sqrt(3.0) / count)
+    asked = [esh.BodyClass("a", [esh.Size("s", 1e-6, count)])]
+    surfaces = [surface((16, 32), (16, 23), shift=gap), esh.Surface(sheet(32, 32, 0.0, 1.0))]
+    found, expected = (esh.solve(esh.Problem(some, asked), device="cpu").report.coverage_error for some in surfaces)
+    assert found < 1.3 * expected

@@ -249,5 +249,12 @@ def test_images_lie_on_uv_maps_the_right_way_up_and_along_three_axes():
     np.testing.assert_allclose(at.position[:, :2], [[0.75, 0.25], [0.25, 0.75]])
     np.testing.assert_allclose(SurfaceImage(image)(at), [3.0, 0.0])
     assert SurfaceImage(image)(points).shape == (3,)
+    # Its borders go on as they are, where the map does not go beyond it.
+    corner = Surface(mesh).points([0, 0], [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(corner.position[:, :2], [[0.0, 0.0], [1.0, 1.0]])
+    np.testing.assert_allclose(SurfaceImage(image)(corner), [2.0, 1.0])
+    twice = Surface(SurfaceMesh(SQUARE, HALVES, uv=2.0 * SQUARE[:, :2]))
+    repeated = twice.points([0, 0], [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(SurfaceImage(image)(repeated), 1.5)
     # From above a triplanar image lies as it does through this map.
     np.testing.assert_allclose(SurfaceTriplanar(image, 1.0)(at), [3.0, 0.0])
