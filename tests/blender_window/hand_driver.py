@@ -483,6 +483,15 @@ def exported():
     yield from _confirm()
     answer["usd"] = bpy.app.build_options.usd, (steps.FOLDER / "forest.usdc").exists()
     take_screenshot("hand-36-usd.png")
+    # Blender's own exporter says that it leaves the scatter out, and keeps it where that is switched on.
+    with steps.window_context():
+        bpy.ops.export_scene.gltf("INVOKE_DEFAULT")
+    yield from hand.until(_file_dialog, 10.0, "the file dialog")
+    yield 1.0
+    take_screenshot("hand-37-note.png")
+    yield from _name_file("plain.glb")
+    yield from _confirm()
+    answer["without"] = (steps.FOLDER / "plain.glb").stat().st_size
 
 
 def _choose_export():

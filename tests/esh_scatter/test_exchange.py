@@ -17,6 +17,8 @@ from esh import EshError, ScatterClass, ScatterSize  # noqa: E402
 from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.operators import exchange  # noqa: E402
 from esh.esh_scatter.result.display import our_modifier, set_inputs  # noqa: E402
+from esh.esh_scatter.result.other_exporters import EXPORTERS  # noqa: E402
+from esh.esh_scatter.sidebar.export_notes import ESH_PT_export_notes  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
 # Run by a Python of its own: another USD library than Blender's, and no crash of it takes these tests along.
@@ -328,3 +330,62 @@ def test_a_path_that_is_none_is_a_sentence(path):
     for read_or_write in (esh.export_result, esh.import_placement):
         with pytest.raises(esh.EshError, match="`path` must be the path of a file"):
             read_or_write(path)
+
+
+@pytest.fixture
+def enabled():
+    """The add-on, registered and among those that Blender has enabled."""
+    registration.register()
+    entry = bpy.context.preferences.addons.new()
+    entry.module = "esh"
+    yield
+    bpy.context.preferences.addons.remove(entry)
+    registration.unregister()
+
+
+@pytest.mark.parametrize(
+    ("keeps", "hidden", "said"), [(False, False, True), (True, False, False), (False, True, False)]
+)
+def test_the_exporter_of_gltf_says_that_it_leaves_scatters_out(result, enabled, tmp_path, capfd, keeps, hidden, said):
+    """It exported the ground and the objects, and no word."""
+    result.object.hide_set(hidden)
+    capfd.readouterr()
+    bpy.ops.export_scene.gltf(filepath=str(tmp_path / "plain.glb"), export_gn_mesh=keeps)
+    warned = "glTF leaves scatters out. Switch on Geometry Nodes Instances" in "".join(capfd.readouterr())
+    assert warned is said
+    nodes = json.loads(glb_json(tmp_path / "plain.glb"))["nodes"]
+    assert (len(nodes) > 20) is keeps
+
+
+def glb_json(path: Path) -> bytes:
+    """The text of a binary glTF file."""
+    content = path.read_bytes()
+    return content[20 : 20 + int.from_bytes(content[12:16], "little")]
+
+
+@pytest.mark.parametrize("name", ["EXPORT_SCENE_OT_gltf", "WM_OT_usd_export", "EXPORT_SCENE_OT_fbx"])
+@pytest.mark.parametrize("hidden", [False, True])
+def test_dialogs_of_exporters_that_lose_scatters_show_a_note_where_there_are_some(result, name, hidden):
+    result.object.hide_set(hidden)
+    exporter = EXPORTERS[name]
+    settings = SimpleNamespace(**{exporter.selected: False, **({exporter.switch: False} if exporter.switch else {})})
+    shown = SimpleNamespace(
+        space_data=SimpleNamespace(active_operator=SimpleNamespace(bl_idname=name, properties=settings)),
+        view_layer=bpy.context.view_layer,
+    )
+    assert ESH_PT_export_notes.poll(shown) is not hidden
+    assert exporter.loses(settings)
+    if exporter.switch:
+        assert not exporter.loses(SimpleNamespace(**{exporter.switch: True}))
+    # What is exported alone is no result.
+    setattr(settings, exporter.selected, True)
+    result.object.select_set(False)
+    assert not ESH_PT_export_notes.poll(shown)
+
+
+def test_the_switches_of_exporters_are_there():
+    """Their names are Blender's."""
+    for name, exporter in EXPORTERS.items():
+        group, _, operator = name.lower().partition("_ot_")
+        known = getattr(getattr(bpy.ops, group), operator).get_rna_type().properties.keys()
+        assert {exporter.selected, exporter.switch} - {""} <= set(known)
