@@ -247,7 +247,8 @@ def preset_of(scatter: Any) -> dict[str, Any]:
         one["sizes"], one["layers"] = sizes, layers
         one["may_overlap"] = sorted(body_class.names_that_may_overlap)
         classes.append(one)
-    return {"name": scatter.name, "settings": _plain(scatter, _NOT_OF_SCATTERS), "classes": classes}
+    # Each scatter that is made of it has a seed of its own.
+    return {"name": scatter.name, "settings": _plain(scatter, {*_NOT_OF_SCATTERS, "seed"}), "classes": classes}
 
 
 def _proportions(body_class: Any) -> list[float]:

@@ -16,6 +16,8 @@ from ..solving import running
 from ..targets.target import RESULT_TARGET, is_result
 
 __all__ = [
+    "BOUNDARY",
+    "REGULARITY",
     "ClassEdit",
     "Edit",
     "EntryEdit",
@@ -28,6 +30,10 @@ __all__ = [
     "stood_on",
     "warn_of_unplaced",
 ]
+
+# What scatters begin with that a button makes: nobody who scatters on a terrain asks for hedges along its edges, nor for rows, which a
+# large ground shows from far away.
+BOUNDARY, REGULARITY = "NATURAL", 0.4
 
 
 class Edit(bpy.types.Operator):

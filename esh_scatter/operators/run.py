@@ -23,13 +23,11 @@ from ..properties.described import identifier_of, property_of, value_of
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import words
-from ..result.pins import lost_with_classes
 from ..result.real_objects import discard_real, real_objects_of
-from ..result.result import CLASS_NAMES
 from ..result.scene_units import in_scene_units, sentence
 from ..solving import running
 from ..targets.target import members_of
-from .edit import remove_at, settings_editable, stood_on, warn_of_unplaced
+from .edit import BOUNDARY, REGULARITY, remove_at, settings_editable, stood_on, warn_of_unplaced
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -61,22 +59,10 @@ def before_a_run(context: bpy.types.Context, settings: ESH_PG_scatter) -> tuple[
         )
     count = bodies_ahead(settings)
     many = question(settings, count) if count >= settings.cap else ""
-    if lost := _lost_by_hand(context, settings):
+    if lost := settings.lost_by_hand(context.scene):
         # Whoever says yes is not asked again.
         return "Scatter Without What Was Placed by Hand?", f"{lost}. {many}" if many else lost
     return ("Place This Many Objects?", many) if many else None
-
-
-def _lost_by_hand(context: bpy.types.Context, settings: ESH_PG_scatter) -> str:
-    """Return, as a sentence, which objects were moved or pinned whose class the run leaves out; empty where there are none."""
-    result = settings.result_in(context.scene)
-    if result is None or result.type != "MESH":
-        return ""
-    sizes = [[size.name for size in c.sizes] for c in settings.ready_classes()]
-    names, numbers = str(result.get(CLASS_NAMES, "")), settings.classes_of_result(context.scene)
-    lost = lost_with_classes(result, names, sizes, numbers)
-    total = sum(lost.values())
-    return f"{total:,} moved or pinned object{'s' * (total > 1)} of {', '.join(lost)} will be lost" if lost else ""
 
 
 class _Run(bpy.types.Operator):
@@ -235,7 +221,7 @@ class _Run(bpy.types.Operator):
             discard_real(real, ())
         left_out = settings.left_out()
         look = [*self._hints[:1], *words.notes(report), *left_out]
-        text = words.summary(report) + (f". {self._held}" if self._held else "")
+        text = ". ".join([words.summary(report), *(said for said in (self._held, settings.muted()) if said)])
         if look:
             text += f". {look[0]}" + (f" (and {len(look) - 1} more in the panel)" if len(look) > 1 else "")
         text = in_scene_units(bpy.context.scene, text)
@@ -322,11 +308,9 @@ class ScatterObjects(_Run):
     # Of this ground: the next one is another.
     surface: property_of(_SETTINGS["surface"], options={"SKIP_SAVE"})
     class_separation: property_of(_SETTINGS["class_separation"])
-    # Nobody who drops a selection on a terrain asks for hedges along its edges.
-    boundary: property_of(_SETTINGS["boundary"], default="NATURAL")
-    # Nor for rows, which a large ground shows from far away.
-    regularity: property_of(_SETTINGS["regularity"], default=0.4)
-    seed: property_of(_SETTINGS["seed"])
+    boundary: property_of(_SETTINGS["boundary"], default=BOUNDARY)
+    regularity: property_of(_SETTINGS["regularity"], default=REGULARITY)
+    seed: property_of(_SETTINGS["seed"], options={"SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -390,6 +374,8 @@ class ScatterObjects(_Run):
             for name in found.as_large(measured)
         )
         scatter = context.scene.esh_scatter.add_scatter(stands_on)
+        if not self.properties.is_property_set("seed"):
+            self.seed = scatter.seed
         for name in _TAKEN:
             setattr(scatter, name, getattr(self, name))
         self._add_classes(scatter, measured, found.ground_for(measured))

@@ -14,7 +14,7 @@ from bpy.props import IntProperty
 from ..editing.copied_results import copied_from, make_scatter_of
 from ..properties.kept_settings import kept_of
 from ..properties.scene import selected_scatter
-from .edit import Edit, ground_in, remove_at
+from .edit import BOUNDARY, REGULARITY, Edit, ground_in, remove_at
 
 __all__ = ["CLASSES"]
 
@@ -31,7 +31,8 @@ class ESH_OT_scatter_add(Edit):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
-        context.scene.esh_scatter.add_scatter(ground_in(context))
+        scatter = context.scene.esh_scatter.add_scatter(ground_in(context))
+        scatter.boundary, scatter.regularity = BOUNDARY, REGULARITY
         return {"FINISHED"}
 
 

@@ -18,6 +18,7 @@ from ...engine.problem.settings import settings_of
 from ..classes.name_lists import joined_names
 from ..result import words
 from ..targets import checksums
+from ..targets.target import RESULT_TARGET
 from . import settings_record
 from .asked_once import asked_once
 from .body_class import CLASS_COLORS, ESH_PG_class
@@ -284,6 +285,14 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
             *(f'"{item.name}" is left out: it has no faces to stand on' for item in bare),
         ]
 
+    def muted(self) -> str:
+        """Return, as a sentence, which classes are muted, and so not placed; empty where none is."""
+        names = [body_class.name for body_class in self.classes if body_class.mute]
+        if len(names) < 2:
+            return f"{names[0]} is muted" if names else ""
+        more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+        return f"{len(names)} classes are muted: {', '.join(names[:3])}{more}"
+
     def arguments(self, scene: bpy.types.Scene) -> tuple[tuple, dict]:
         """Return the positional and keyword arguments of :func:`~esh.scatter` that these settings stand for.
 
@@ -309,6 +318,24 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         result = self.result_in(scene)
         now = {body_class.uid: number for number, body_class in enumerate(self.ready_classes())}
         return [now.get(uid) for uid in result.data.get(CLASSES_OF_POINTS, ())] if result is not None else []
+
+    def lost_by_hand(self, scene: bpy.types.Scene) -> str:
+        """Return, as a sentence, which objects were moved or pinned that the next run does not keep; empty where there are none.
+
+        Their class is left out, or another target is chosen, and they are not on it.
+        """
+        from ..result.pins import lost_with_classes, lost_with_target
+        from ..result.result import CLASS_NAMES
+
+        result = self.result_in(scene)
+        if result is None or result.type != "MESH":
+            return ""
+        if result.get(RESULT_TARGET) != self.chosen_target and (total := lost_with_target(result, self.targets)):
+            return f"{total:,} moved or pinned object{'s' * (total > 1)} will be moved: the new target is elsewhere"
+        sizes = [[size.name for size in c.sizes] for c in self.ready_classes()]
+        lost = lost_with_classes(result, str(result.get(CLASS_NAMES, "")), sizes, self.classes_of_result(scene))
+        total = sum(lost.values())
+        return f"{total:,} moved or pinned object{'s' * (total > 1)} of {', '.join(lost)} will be lost" if total else ""
 
     def non_overlap(self) -> list[list[float]] | None:
         """Return which classes must keep apart as :func:`~esh.scatter` takes it; None where all must."""

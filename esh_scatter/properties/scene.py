@@ -3,6 +3,8 @@
 # Properties are annotations that are calls, which Blender reads and mypy cannot.
 # mypy: disable-error-code="valid-type"
 
+from itertools import count
+
 import bpy
 from bpy.props import CollectionProperty, IntProperty, PointerProperty
 from bpy.types import PropertyGroup
@@ -32,7 +34,10 @@ class ESH_PG_scene(PropertyGroup):
         if not self.scatters:
             # Nothing is there yet that an older version could have made.
             self.version = VERSION
+        seeds = {scatter.seed for scatter in self.scatters}
         scatter = self.scatters.add()
+        # Two scatters of the same settings are not to stand in the same places.
+        scatter.seed = next(seed for seed in count() if seed not in seeds)
         if isinstance(target, bpy.types.Collection):
             scatter.target_kind, scatter.target_collection = "COLLECTION", target
         else:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import bpy
 import numpy as np
+from mathutils import Vector
 
 from ...engine.problem.fixed_bodies import FixedBodies
 from ...engine.problem.unit_vectors import tangent_frame, unit_vectors
@@ -45,6 +46,7 @@ __all__ = [
     "can_be_edited",
     "checksum_of",
     "lost_with_classes",
+    "lost_with_target",
     "moved_by_hand",
     "pin",
     "read_pins",
@@ -62,6 +64,8 @@ MOVED, MOVED_SHARE = 1e-4, 1e-6
 TOLD_APART = 1e-3
 # Radius of the place of an object that has no extent [m].
 SMALLEST_DISC = 0.01
+# What lies no farther beside a target than this share of its extent is still on it.
+AROUND = 0.01
 
 
 class Pins(NamedTuple):
@@ -308,6 +312,18 @@ def lost_with_classes(
     return {
         classes[number]: int((lost == number).sum()) for number in np.unique(lost).tolist() if number < len(classes)
     }
+
+
+def lost_with_target(result: bpy.types.Object, targets: Sequence[bpy.types.Object]) -> int:
+    """Return how many objects of a result would stay, but are neither above nor below the boxes around some targets."""
+    stays = _kept_by_hand(result)
+    if not len(stays) or not targets:
+        return 0
+    corners = np.concatenate([[item.matrix_world @ Vector(corner) for corner in item.bound_box] for item in targets])
+    low, high = corners.min(axis=0)[:2], corners.max(axis=0)[:2]
+    place = moved_with(result, body_places(result.data), bpy.context).position[stays, :2]
+    beside = AROUND * float((high - low).max())
+    return int(((place < low - beside) | (place > high + beside)).any(axis=1).sum())
 
 
 def _heading(rotation: np.ndarray) -> np.ndarray:

@@ -1,4 +1,6 @@
-"""Menus: what is done with classes and scatters, and all of it in the viewport's Object menu, where F3 finds it."""
+"""Menus: what is done with classes and scatters, and all of it in a menu of every mode of the viewport, where F3 finds it."""
+
+from collections.abc import Sequence
 
 import bpy
 
@@ -30,6 +32,16 @@ _ELSEWHERE = {
     "esh.source_from_asset",
     "esh.preset_from_asset",
 }
+# Menus of the viewport that F3 looks through: points are picked in Edit Mode, and what is painted is scattered while it is.
+_MENUS_OF_MODES = (
+    "VIEW3D_MT_object",
+    "VIEW3D_MT_edit_mesh",
+    "VIEW3D_MT_paint_weight",
+    "VIEW3D_MT_paint_vertex",
+    "VIEW3D_MT_sculpt",
+)
+# The asset browser's own, and the one that a right click opens.
+_MENUS_OF_ASSETS = ("ASSETBROWSER_MT_asset", "ASSETBROWSER_MT_context_menu")
 # How large the picture in the menu of the presets is, in units of its lines.
 PICTURE_SCALE = 5.0
 # Where groups of layers begin in the menu.
@@ -171,24 +183,25 @@ def _draw_entry(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
 
 
 def attach() -> None:
-    """Add the menus to the viewport's Object menu, and to those of the asset browser."""
+    """Add the menus to those of the viewport's modes, and of the asset browser."""
     preset_pictures.attach()
-    bpy.types.VIEW3D_MT_object.append(_draw_entry)
-    for menu in _asset_menus():
+    for menu in _menus(_MENUS_OF_MODES):
+        menu.append(_draw_entry)
+    for menu in _menus(_MENUS_OF_ASSETS):
         menu.append(_draw_of_assets)
 
 
 def detach() -> None:
     """Take them out again."""
-    bpy.types.VIEW3D_MT_object.remove(_draw_entry)
-    for menu in _asset_menus():
+    for menu in _menus(_MENUS_OF_MODES):
+        menu.remove(_draw_entry)
+    for menu in _menus(_MENUS_OF_ASSETS):
         menu.remove(_draw_of_assets)
     preset_pictures.detach()
 
 
-def _asset_menus() -> list[type[bpy.types.Menu]]:
-    """Return the menus of the asset browser: its own, and the one that a right click opens. Blender may be quitting without them."""
-    names = ("ASSETBROWSER_MT_asset", "ASSETBROWSER_MT_context_menu")
+def _menus(names: Sequence[str]) -> list[type[bpy.types.Menu]]:
+    """Return Blender's menus of some names; it may be quitting without them."""
     return [getattr(bpy.types, name) for name in names if hasattr(bpy.types, name)]
 
 

@@ -404,6 +404,8 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
     if left_out:
         more = f" (and {len(left_out) - 1} more)" if len(left_out) > 1 else ""
         write_text(context, column, f"{left_out[0]}{more}", icon="ERROR")
+    if muted := scatter.muted():
+        write_text(context, column, muted, icon="MUTE_IPO_ON")
 
 
 def _draw_real(context: bpy.types.Context, column: bpy.types.UILayout, said: str) -> None:

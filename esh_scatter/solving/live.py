@@ -219,6 +219,9 @@ class _Live:
             if not (goes_on or self._refused):
                 self._follow_as_one()
             return
+        if lost := scatter.lost_by_hand(context.scene):
+            self._say(f"{lost}: Live waits. Click Update to go on without them")
+            return
         if self._told is not None and scatter.turned_to_what_moved(self._record, record):
             self._told, self._record = made_with, record
             self._points = _points_of(scatter.result)

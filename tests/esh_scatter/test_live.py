@@ -10,6 +10,7 @@ bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.result.display import followed_targets, our_modifier  # noqa: E402
+from esh.esh_scatter.result.kept_ground import read_attribute  # noqa: E402
 from esh.esh_scatter.result.node_group import MADE_OF, placed_objects  # noqa: E402
 from esh.esh_scatter.result.result import is_copy  # noqa: E402
 from esh.esh_scatter.solving import live, strokes  # noqa: E402
@@ -356,6 +357,32 @@ def test_what_was_wrong_is_said_no_longer_once_it_is_as_before(scatter, follow):
         body_class.mute = False
     follow()
     assert live.status(bpy.context.scene, scatter) == ""
+
+
+def test_what_was_placed_by_hand_is_not_lost_without_being_asked(scatter, follow):
+    """A class was muted, and unmuted again: its tree that had been moved by hand was elsewhere, and nothing had been said."""
+    switch_on(scatter, follow)
+    mesh = active().result.data
+    number = next(iter(points("Pine")))
+    at = read_attribute(mesh, "id").tolist().index(number)
+    mesh.vertices[at].co = (7.3, 5.1, 0.0)
+    follow()
+    moved_to = points()[number]
+    scatter.classes["Pine"].mute = True
+    follow()
+    assert live.status(bpy.context.scene, scatter).startswith(
+        "1 moved or pinned object of Pine will be lost: Live waits"
+    )
+    assert len(points()) == 400
+    scatter.classes["Pine"].mute = False
+    follow()
+    assert live.status(bpy.context.scene, scatter) == ""
+    np.testing.assert_allclose(points()[number], moved_to, atol=1e-5)
+    scatter.classes["Pine"].mute = True
+    follow()
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    follow()
+    assert len(points()) == 200 and live.status(bpy.context.scene, scatter) == ""
 
 
 def test_two_scatters_on_one_target_follow_a_stroke(scatter, under_way, follow):

@@ -496,3 +496,17 @@ def test_a_class_that_follows_one_that_is_left_out_is_left_out_too(scatter):
     back.class_name = "Follower"
     for c, name in ((one, "Follower"), (other, one.name)):
         assert f'it and "{name}" follow each other' in scatter.obstacle_of(c)
+
+
+def test_new_scatters_have_seeds_of_their_own_and_no_hedges():
+    """Two of the same settings stood in the same places."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.mesh.primitive_plane_add(size=10)
+    for _ in range(3):
+        assert bpy.ops.esh.scatter_add() == {"FINISHED"}
+    scatters = bpy.context.scene.esh_scatter.scatters
+    assert [one.seed for one in scatters] == [0, 1, 2]
+    assert {(one.boundary, round(one.regularity, 3)) for one in scatters} == {("NATURAL", 0.4)}
+    scatters.remove(1)
+    assert bpy.ops.esh.scatter_add() == {"FINISHED"}
+    assert [one.seed for one in scatters] == [0, 2, 1]

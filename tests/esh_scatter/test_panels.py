@@ -278,6 +278,11 @@ def test_the_status_is_one_line_under_the_button():
     other.mute = True
     drawn = draw_all(500)
     assert drawn[drawn.index("live") + 1] == 'Class "Pine": choose its density image'
+    scatter.classes[0].layers.clear()
+    drawn = draw_all(500)
+    assert f"{other.name} is muted" in drawn
+    other.mute = False
+    assert not any("muted" in text for text in draw_all(500))
 
 
 def test_overlap_is_said_before_a_run_and_shown_after_it(monkeypatch):

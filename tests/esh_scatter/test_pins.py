@@ -586,6 +586,20 @@ def test_a_run_that_leaves_out_what_was_placed_by_hand_is_asked_about(made, chan
     assert before_a_run(bpy.context, made) is None and pins.staying(made.result.data).sum() == 4
 
 
+@pytest.mark.parametrize(("where", "asks"), [((0.5, 0.0, 0.0), False), ((100.0, 0.0, 0.0), True)])
+def test_a_run_on_another_target_that_is_elsewhere_is_asked_about(made, where, asks):
+    """What was placed by hand came to the border of the other target, without a word."""
+    bpy.ops.mesh.primitive_plane_add(size=60, location=where)
+    other = bpy.context.object
+    move(made.result.data, 3, (1.0, 2.0))
+    assert before_a_run(bpy.context, made) is None
+    made.target = other
+    asked = before_a_run(bpy.context, made)
+    assert (asked is not None) is asks
+    if asked:
+        assert asked[1] == "1 moved or pinned object will be moved: the new target is elsewhere"
+
+
 def test_a_run_that_keeps_what_was_placed_by_hand_is_not_asked_about(made):
     mesh = made.result.data
     pins.pin(mesh, np.arange(3))

@@ -37,7 +37,9 @@ def everything_registered() -> set[str]:
     for menu in (bpy.types.TOPBAR_MT_file_export, bpy.types.TOPBAR_MT_file_import):
         drawn = getattr(menu.draw, "_draw_funcs", [])
         found |= {f"{menu.__name__}.{f.__name__}" for f in drawn if "esh_scatter" in f.__module__}
-    found |= {"menu" for draw in bpy.types.VIEW3D_MT_object._dyn_ui_initialize() if "esh_scatter" in draw.__module__}
+    for name in ("object", "edit_mesh", "paint_weight", "paint_vertex", "sculpt"):
+        drawn = getattr(bpy.types, f"VIEW3D_MT_{name}")._dyn_ui_initialize()
+        found |= {f"menu of {name}" for draw in drawn if "esh_scatter" in draw.__module__}
     for name in dir(bpy.app.handlers):
         handlers = getattr(bpy.app.handlers, name)
         if isinstance(handlers, list):
@@ -51,7 +53,8 @@ def test_unregistering_removes_everything_however_often_it_is_done():
         registration.register()
         registered = everything_registered()
         assert {cls.__name__ for module in MODULES for cls in module.CLASSES} <= registered
-        assert {"Scene.esh", "esh.scatter", "menu"} <= registered
+        assert {"Scene.esh", "esh.scatter", "menu of object", "menu of edit_mesh", "menu of sculpt"} <= registered
+        assert {"menu of paint_weight", "menu of paint_vertex"} <= registered
         assert {"TOPBAR_MT_file_export._draw_export", "TOPBAR_MT_file_import._draw_import"} <= registered
         handlers = {name.partition(":")[2] for name in registered if ":" in name}
         assert handlers == {"bring_up_to_date", "notice_dropped_presets", "pack_painted_images"}, (
