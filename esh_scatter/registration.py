@@ -10,7 +10,7 @@ from .editing import dropped_presets, forecast, painting
 from .operators import exchange as exchange_operators
 from .properties import body_class, layer, obstacle, placed, scatter, scene, size
 from .sidebar import asset_shelf, density_preview, export_notes, lists, menus, panels
-from .solving import live, running
+from .solving import live, loading, running
 
 __all__ = ["register", "unregister"]
 
@@ -57,6 +57,7 @@ def unregister() -> None:
         return
     live.end(wait=True)
     running.end(wait=True)
+    loading.end()
     forecast.detach()
     lent_survey.detach()
     menus.detach()

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import bpy
 
 from ...engine.errors import EshError
-from ..solving import live, running
+from ..solving import live, loading, running
 from ..solving.background_run import BackgroundRun
 from ..targets.references import Reference
 
@@ -228,6 +228,9 @@ def _work() -> float | None:
     if running.session is not None:
         # Whoever draws after the run asks again.
         return None
+    if not loading.is_done() and not bpy.app.background:
+        loading.begin()
+        return LOOK
     if _going is not None:
         run, work = _going
         if run.running:

@@ -25,7 +25,7 @@ from ..properties.scene import active_scatter, selected_scatter
 from ..result import words
 from ..result.real_objects import discard_real, real_objects_of
 from ..result.scene_units import in_scene_units, sentence
-from ..solving import running
+from ..solving import loading, running
 from ..targets.target import members_of
 from .edit import BOUNDARY, REGULARITY, remove_at, settings_editable, stood_on, warn_of_unplaced
 
@@ -101,17 +101,24 @@ class _Run(bpy.types.Operator):
         """Solve in the background while the window stays alive; from the cap on, ask first."""
         if in_background() or context.window is None:
             return self.execute(context)
+        if not loading.is_done():
+            running.start(context, loading.Loading())
+        elif not self._begin(context):
+            return {"CANCELLED"}
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def _begin(self, context: bpy.types.Context) -> bool:
+        """Begin with what has to be worked out first; tell whether that was possible, which otherwise has been reported."""
         try:
             first = self._first(context)
         except EshError as error:
             self.report({"ERROR"}, sentence(error))
-            return {"CANCELLED"}
-        if first is not None:
-            running.start(context, first)
-        elif not self._start(context):
-            return {"CANCELLED"}
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+            return False
+        if first is None:
+            return self._start(context)
+        running.start(context, first)
+        return True
 
     def _start(self, context: bpy.types.Context, survey: "Survey | None" = None) -> bool:
         """Begin to solve; tell whether that was possible, which otherwise has been reported."""
@@ -192,6 +199,8 @@ class _Run(bpy.types.Operator):
                 raise session.run.error
             self.report({"ERROR"}, sentence(session.run.error))
             return {"CANCELLED"}
+        if isinstance(session.job, loading.Loading):
+            return {"RUNNING_MODAL"} if self._begin(context) else {"CANCELLED"}
         self._found = session.job
         return {"RUNNING_MODAL"} if self._start(context, session.job.survey) else {"CANCELLED"}
 

@@ -20,7 +20,7 @@ from ..result.local_views import is_left_out
 from ..result.node_group import target_inputs
 from ..result.refused import NOT_SEEN
 from ..result.result import find_result, is_shared
-from ..solving import live, running
+from ..solving import live, loading, running
 from ..targets import checksums
 from ..targets.target import is_result
 from . import class_panels, report_panel
@@ -53,6 +53,9 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the active scatter, its target, the button and the status."""
+        if not bpy.app.background:
+            # Before the button is pressed.
+            loading.begin()
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False

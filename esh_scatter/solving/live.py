@@ -26,7 +26,7 @@ from ..targets import checksums
 from ..targets.depsgraph import evaluated_depsgraph
 from ..targets.references import Reference
 from ..targets.vertex_groups import can_be_listed
-from . import running, strokes, undo_steps
+from . import loading, running, strokes, undo_steps
 from .known_results import KnownResults
 from .strokes import Stroke
 
@@ -404,6 +404,9 @@ def end(wait: bool = False) -> None:
 def _tick() -> float | None:
     """Look at all that lives; Blender calls it again after as many seconds as it returns."""
     global _last_sign
+    if not loading.is_done() and not bpy.app.background:
+        loading.begin()
+        return TICK
     _find()
     if _followed and strokes.brush() is not None:
         # The depsgraph is silent during strokes, and about images that no material uses also after them.
