@@ -7,6 +7,7 @@ says which of the walks is taken.
 import json
 import shutil
 import sys
+import time
 from pathlib import Path
 
 import bpy
@@ -262,8 +263,10 @@ def ends():
     before = positions()
     yield from hand.press("esh.scatter(")
     yield from hand.until(lambda: not idle(), 5.0, "the start of the run")
+    pressed = time.perf_counter()
     yield from hand.keys("Escape")
     yield from hand.until(idle, 5.0, "the end of the run")
+    answer["stopping"] = time.perf_counter() - pressed
     answer["stopped"] = bool((positions() == before).all())
     yield from hand.press("].name", across=0.4, times=2)
     yield from hand.keys("ctrl+a")

@@ -265,8 +265,8 @@ def test_a_hundred_thousand_are_turned_in_a_moment(scatter):
     assert kept_ground.can_stand_anew(item)
     started = time.process_time()
     kept_ground.stand_anew(item, 0, esh.Standing(align_to_normal=0.5, tilt=0.1))
-    # It takes 0.1 s on a machine that has nothing else to do.
-    assert time.process_time() - started < 1.0
+    # It takes 0.04 s on a machine that has nothing else to do.
+    assert time.process_time() - started < 0.3
 
 
 @pytest.mark.parametrize(
