@@ -207,6 +207,13 @@ def test_twenty_classes_are_drawn_quickly(package: Path, tmp_path: Path):
     assert answer["draws"][0] < 15.0
 
 
+def test_the_first_press_waits_for_nothing_to_be_loaded(package: Path, tmp_path: Path):
+    answer = driven("first_press_driver.py", package, tmp_path)
+    print(answer)
+    assert not answer["loaded_before"] and answer["first"] == "Loading"
+    assert answer["invoke"] < 0.2 and answer["placed"] > 100
+
+
 def test_the_window_waits_for_no_more_than_what_has_to_be_written(package: Path, tmp_path: Path):
     answer = driven("times_driver.py", package, tmp_path)
     print(answer)
