@@ -84,7 +84,7 @@ def test_two_meshes_that_touch_are_as_even_as_one():
             asked = esh.Problem(surface, [esh.BodyClass("a", [esh.Size("s", 1e-6, 4096)])], seed=seed)
             own.append(measure.coverage(esh.solve(asked, device="cpu").position, uniform, (0.5, 1.0, 2.0)))
         found.append(np.mean(own, axis=0))
-    assert (found[0] < np.array([1.03, 1.05, 1.1]) * found[1]).all()
+    assert (found[0] < np.array([1.03, 1.05, 1.08]) * found[1]).all()
     assert found[1][1] < 0.0016
 
 
