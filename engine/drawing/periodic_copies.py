@@ -61,7 +61,6 @@ def boxes_of_bodies(placement: Placement) -> tuple[np.ndarray, np.ndarray]:
             low[bent], high[bent] = np.nanmin(placement.bends[bent], axis=1), np.nanmax(placement.bends[bent], axis=1)
     # A disc of the domain's diagonal covers all of it from wherever it is: no copy of a larger one adds anything.
     footprints = footprints_of_placement(placement)
-    circle = np.array([outline.circumradius for outline in footprints.shapes] + [0.0])[footprints.shape]
-    radius = np.where(footprints.is_outline, np.maximum(circle * footprints.factor, placement.radius), placement.radius)
+    radius = np.where(footprints.is_outline, np.maximum(footprints.circumradius, placement.radius), placement.radius)
     radius = np.minimum(radius, math.hypot(*placement.problem.rectangle.size))[:, None]
     return low - radius, high + radius

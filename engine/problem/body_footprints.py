@@ -118,6 +118,12 @@ class BodyFootprints:
         factor = np.where(self.is_outline, scale, self.factor)
         return replace(self, shape=shape, factor=factor, variant=variant)
 
+    @property
+    def circumradius(self) -> np.ndarray:
+        """Radius around every outline, as large as it is [m], shape ``[n]``; 0 where there is none."""
+        circle = np.array([outline.circumradius for outline in self.shapes] + [0.0])
+        return circle[self.shape] * self.factor
+
     def areas(self, length: np.ndarray, width: np.ndarray, *, apart: bool) -> np.ndarray:
         """Area of every outline [m²] as it is seen from above, about, shape ``[n]``, float64.
 

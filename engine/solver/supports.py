@@ -125,9 +125,8 @@ def _radii(
             if size.kind.has_axis and along.any():
                 beyond = _beyond_axis(footprints, np.flatnonzero(along), 0.5 * size.kind.mean_length)
                 radius[along] = np.maximum(radius[along], beyond)
-    circle = np.array([outline.circumradius for outline in footprints.shapes] + [0.0])[footprints.shape]
     dots = footprints.is_outline & ~_has_axis(problem)
-    return np.where(dots, circle * footprints.factor, radius)
+    return np.where(dots, footprints.circumradius, radius)
 
 
 def _fine_enough(image: np.ndarray, domain: Domain, needed: np.ndarray, convex: bool) -> np.ndarray:

@@ -64,8 +64,7 @@ def keep_least_spacing(descent: SurfaceDescent, go_on: Callable[[], bool] | None
 def _farthest(model: Model) -> np.ndarray:
     """How far footprints reach as they keep apart [m], shape ``[body_count]``."""
     footprints = model.footprints
-    circle = np.array([outline.circumradius for outline in footprints.shapes] + [0.0])[footprints.shape]
-    outlined = circle * footprints.factor * footprints.room + 0.5 * footprints.gap
+    outlined = footprints.circumradius * footprints.room + 0.5 * footprints.gap
     return np.where(footprints.is_outline, outlined, contact_radii(model, np.zeros(model.body_count)))
 
 

@@ -157,9 +157,8 @@ def clearances(model: Model) -> np.ndarray:
     longest = model.body.longest
     width = model.widths(longest) if model.kinds else np.zeros(len(longest))
     footprints = model.footprints
-    circle = np.array([outline.circumradius for outline in footprints.shapes] + [0.0])[footprints.shape]
     outlined = footprints.is_outline & (model.body.kind < 0)
-    return np.where(outlined, circle * footprints.factor, radius_of(width, model.body.area)) / model.unit
+    return np.where(outlined, footprints.circumradius, radius_of(width, model.body.area)) / model.unit
 
 
 def clear_of_balls(model: Model, facets: Facets, share: np.ndarray, balls: np.ndarray, clear: np.ndarray) -> np.ndarray:
