@@ -9,27 +9,25 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import ProblemError, Reason, Refusal
+from .clumps_at_large import as_dense_at_large, memory_at_large
 from .domain import Domain
 from .machine_memory import format_bytes, machine_memory
 from .prepared_class import PreparedClass
-from .wave_filter import filter_waves
+from .wave_filter import fast_length, filter_waves, stretched
 
 __all__ = [
     "PIXELS_PER_CLUMP",
     "WAVELENGTH",
-    "as_dense_at_large",
     "clump_factor",
     "clump_size_of",
     "crowding_of",
     "memory_of_clumps",
     "occupied",
     "pushed_out_at",
-    "share_at_large",
     "with_clumps",
 ]
 
@@ -51,33 +49,15 @@ MOST_PIXELS = 4096
 # How often what is below that is cut off, and long waves are taken out: each time less of both is left. Of many pixels less often. And
 # along a side of more pixels than this there are a few more: transforms are slow where a length has large prime factors.
 TIMES, FEWEST_TIMES = 24, 6
-# Then the density is made what it was where both are filtered by a Gaussian of so many wavelengths, again and again. That is slow for
-# waves of which the Gaussian leaves little, above all those along edges. So first, for this share of the times, it is multiplied by so
-# many terms of its inverse's series, with which more of them is left. A wider Gaussian takes less of the clumps, and more times then
-# leave less of the error: with these they keep .95 of the density's deviation from its mean, and most of the error is the solver's.
-AT_LARGE, TIMES_AT_LARGE = 0.85, 56
-TERMS, FIRST_SHARE = 3, 0.8
 # Bodies push each other out of where they are crowded: their density is what they follow less so many times the Laplacian of its
 # logarithm, per area. Over clumps that sums up to half of the error at large, and is made up for. Measured at these regularities.
 REGULARITIES, PUSHED_OUT = (0.0, 0.3, 0.6, 1.0), (0.0027, 0.0062, 0.0125, 0.0255)
-# Where a density has room for few clumps, patches of it are as large as they are, and to keep both is to have no clumps. So nothing of
-# this is done where there is room for the first number of them, and all of it from the second on.
-LITTLE_ROOM, MUCH_ROOM = 15.0, 45.0
-# Widths of a blur after which it has ended.
-REACH_OF_BLUR = 4.5
-# Blocks of pixels along the width of the Gaussian: with 16 or more, 4,096 bodies of an even density are off by .00016 at 4 spacings,
-# with 12 by .00022. What they are multiplied by is taken over to the pixels after so many times, since within a block the density
-# leans to one side.
-BLOCKS_ALONG, TIMES_IN_BLOCKS = 16.0, 6
-# What is blurred to less than this share of its peak is left as it is; and by how much it is made denser or thinner at once, at most.
-LEAST_AT_LARGE, MOST_AT_ONCE = 1e-4, 1.5
 PIXELS_IN_ALL = 24 * 2**20
 LONG_SIDE = 1024
 # Mean square of the factor on a density, less 1, at these strengths.
-STRENGTHS, CROWDING = (0.0, 0.25, 0.5, 0.75, 1.0), (0.0, 0.08, 0.32, 0.70, 1.15)
-# At the peak, measured [bytes]: the grid of waves and what is filtered; what the density is compared with; and, per block of its
-# pixels with what lies around it where it is blurred, spectra and their copies.
-BYTES_PER_PIXEL_OF_CLUMPS, BYTES_PER_PIXEL_MATCHED, BYTES_PER_BLOCK_BLURRED = 36, 52, 110
+STRENGTHS, CROWDING = (0.0, 0.25, 0.5, 0.75, 1.0), (0.0, 0.07, 0.295, 0.66, 1.1)
+# At the peak, measured: the grid of waves and what is filtered [bytes].
+BYTES_PER_PIXEL_OF_CLUMPS = 36
 
 
 def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int, regularity: float) -> PreparedClass:
@@ -98,15 +78,13 @@ def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int
     image = body_class.density_image
     size = clump_size_of(body_class.clump_size, domain, body_class.body_count, occupied(image))
     shape = _shape(image, size, domain, body_class.name)
-    factors = [n // own for n, own in zip(shape, image.shape, strict=True)]
-    fine = np.repeat(np.repeat(image.astype(np.float64), factors[0], axis=0), factors[1], axis=1)
+    times = [n // own for n, own in zip(shape, image.shape, strict=True)]
+    fine = np.repeat(np.repeat(image.astype(np.float64), times[0], axis=0), times[1], axis=1)
     factor = _factor(shape, size, domain, body_class.clustering, np.random.default_rng([seed, 8, index]))
     pixel = (domain.size[1] / shape[0], domain.size[0] / shape[1])
     pushed_out = pushed_out_at(regularity) / max(body_class.body_count, 1) * float(fine.sum()) * pixel[0] * pixel[1]
-    blocks = _blocks(shape, pixel, size, domain.periodic)
-    times = min(TIMES_AT_LARGE, max(FEWEST_TIMES, PIXELS_IN_ALL * blocks[0] * blocks[1] // fine.size))
-    weight = share_at_large(fine, pixel, size)
-    clumped = as_dense_at_large(fine, fine * factor, size, pixel, domain.periodic, weight, pushed_out, times)
+    factor *= fine
+    clumped = as_dense_at_large(fine, factor, WAVELENGTH * size, pixel, domain.periodic, pushed_out)
     return replace(body_class, density_image=clumped.astype(np.float32))
 
 
@@ -136,18 +114,6 @@ def crowding_of(clustering: float) -> float:
     return float(np.interp(clustering, STRENGTHS, CROWDING))
 
 
-def share_at_large(asked: np.ndarray, pixel: Sequence[float], size: float) -> float:
-    """How much of it is done that a density with clumps is as dense at large as it was: from 0 to 1, by the room it has for clumps.
-
-    Args:
-        asked: The density without clumps, shape ``[height, width]``.
-        pixel: Height and width of its pixels [m].
-        size: Diameter of a clump [m].
-    """
-    room = pixel[0] * pixel[1] * asked.size * occupied(asked) / (WAVELENGTH * size) ** 2
-    return float(min(max((room - LITTLE_ROOM) / (MUCH_ROOM - LITTLE_ROOM), 0.0), 1.0))
-
-
 def _shape(image: np.ndarray, size: float, domain: Domain, name: str) -> tuple[int, int]:
     """Height and width of an image that shows the clumps, and whose pixels divide those of ``image``."""
     wanted = [math.ceil(PIXELS_PER_CLUMP * length / size) for length in domain.size[::-1]]
@@ -159,7 +125,7 @@ def _shape(image: np.ndarray, size: float, domain: Domain, name: str) -> tuple[i
             Refusal(Reason.CLUMPS_TOO_SMALL, size, least, (name, "")),
         )
     rows, columns = (own * math.ceil(many / own) for own, many in zip(image.shape, wanted, strict=True))
-    required, available = memory_of_clumps(image, (rows, columns), size, domain), machine_memory()
+    required, available = memory_of_clumps((rows, columns), size, domain), machine_memory()
     if available is not None and required > available:
         raise ProblemError(
             f'`clump_size` of class "{name}" is too small ({size:.3g} m): its density would have {columns} x {rows} pixels and take '
@@ -169,36 +135,17 @@ def _shape(image: np.ndarray, size: float, domain: Domain, name: str) -> tuple[i
     return rows, columns
 
 
-def memory_of_clumps(
-    asked: np.ndarray, shape: Sequence[int], size: float, domain: Domain, crowding: float = 0.0
-) -> int:
+def memory_of_clumps(shape: Sequence[int], size: float, domain: Domain) -> int:
     """Estimate what making clumps takes at its peak [bytes].
 
     Args:
-        asked: The density, shape ``[height, width]``.
         shape: Height and width of the image that shows the clumps.
         size: Their diameter [m].
         domain: Where.
-        crowding: Of clumps that ``asked`` has already, see :func:`crowding_of`.
     """
-    own = (domain.size[1] / asked.shape[0], domain.size[0] / asked.shape[1])
-    # Of a single pixel no sum leaves the range of its numbers.
-    whole = asked.astype(np.float64) if asked.size > 1 else np.ones((1, 1))
-    blurred = 0
-    if whole.any() and share_at_large(whole, own, size / math.sqrt(1.0 + crowding)) > 0.0:
-        pixel = [length / n for length, n in zip(domain.size[::-1], shape, strict=True)]
-        blocks = _blocks(shape, pixel, size, domain.periodic)
-        padded = _padded(*_in_blocks(shape, pixel, blocks), size, domain.periodic)
-        blurred = max(BYTES_PER_PIXEL_MATCHED * shape[0] * shape[1], BYTES_PER_BLOCK_BLURRED * padded[0] * padded[1])
-    return BYTES_PER_PIXEL_OF_CLUMPS * shape[0] * shape[1] + blurred
-
-
-def _padded(shape: Sequence[int], pixel: Sequence[float], size: float, wraps: bool) -> list[int]:
-    """Height and width of what a density is blurred in. What does not wrap ends at its edges: nothing is beyond."""
-    reach = REACH_OF_BLUR * AT_LARGE * WAVELENGTH * size
-    return [
-        many if wraps else _fast_length(many + math.ceil(reach / step)) for many, step in zip(shape, pixel, strict=True)
-    ]
+    pixel = [length / n for length, n in zip(domain.size[::-1], shape, strict=True)]
+    at_large = memory_at_large(shape, pixel, WAVELENGTH * size, domain.periodic)
+    return BYTES_PER_PIXEL_OF_CLUMPS * shape[0] * shape[1] + at_large
 
 
 def _factor(
@@ -208,7 +155,7 @@ def _factor(
     count = [_length_of_transform(math.ceil(PIXELS_PER_CLUMP * length / size)) for length in domain.size[::-1]]
     pixel = [length / many for length, many in zip(domain.size[::-1], count, strict=True)]
     factor = clump_factor(random.standard_normal(count), pixel, size, domain.periodic, clustering, measured=True)
-    return _stretched(_stretched(factor, shape[0], domain.periodic).T, shape[1], domain.periodic).T
+    return stretched(stretched(factor, shape[0], domain.periodic).T, shape[1], domain.periodic).T
 
 
 def clump_factor(
@@ -247,140 +194,6 @@ def clump_factor(
     return np.maximum(factor, 0.5 * LEAST_FACTOR)
 
 
-def as_dense_at_large(
-    asked: np.ndarray,
-    clumped: np.ndarray,
-    size: float,
-    pixel: Sequence[float],
-    wraps: bool,
-    weight: float,
-    pushed_out: float,
-    times: int,
-) -> np.ndarray:
-    """A density with clumps, made so that its bodies will be as dense as the one that was asked for, blurred over several clumps.
-
-    It is not enough that clumps have no long waves: waves of the density beat with theirs, and edges cut them off.
-
-    Args:
-        asked: The density without clumps, shape ``[height, width]``.
-        clumped: That with them.
-        size: Diameter of a clump [m].
-        pixel: Height and width of pixels [m].
-        wraps: Whether opposite edges are joined.
-        weight: How much of it is done, see :func:`share_at_large`.
-        pushed_out: By how much bodies push each other out of clumps: see :data:`PUSHED_OUT`, of the density that one body has.
-        times: How often it is multiplied by what it lacks.
-    """
-    if weight == 0.0 or not asked.any():
-        return clumped
-    reach = AT_LARGE * WAVELENGTH * size
-    blocks = _blocks(asked.shape, pixel, size, wraps)
-    shape, coarse = _in_blocks(asked.shape, pixel, blocks)
-    padded = _padded(shape, coarse, size, wraps)
-    along_y = np.fft.fftfreq(padded[0], coarse[0])[:, None]
-    along_x = np.fft.rfftfreq(padded[1], coarse[1])[None, :]
-    exponent = 0.5 * (2.0 * math.pi * reach) ** 2 * (along_y**2 + along_x**2)
-    gaussian = np.exp(-exponent)
-    series = sum(exponent**term / math.factorial(term) for term in range(TERMS))
-    clumped = clumped * (asked.sum() / clumped.sum())
-    first = round(FIRST_SHARE * times)
-    wanted = _sums_of_blocks(asked + pushed_out * _spreading(asked, clumped, pixel, wraps), blocks)
-    for kept, own_times in ((gaussian * series, first), (gaussian, times - first)):
-        _match(clumped, wanted, _Filter(kept, padded), blocks, wraps, weight, own_times)
-    return clumped
-
-
-def _spreading(asked: np.ndarray, clumped: np.ndarray, pixel: Sequence[float], wraps: bool) -> np.ndarray:
-    """Laplacian of the logarithm of what clumps multiply a density by [1/m²]; nothing goes to where the density is 0."""
-    there = asked > 0.0
-    factor = np.log(np.divide(clumped, asked, out=np.ones_like(asked), where=there))
-    result = np.zeros_like(asked)
-    for axis in (0, 1):
-        flow = (np.roll(factor, -1, axis) - factor) / pixel[axis] ** 2
-        flow *= there & np.roll(there, -1, axis)
-        if not wraps:
-            np.moveaxis(flow, axis, 0)[-1] = 0.0
-        result += flow - np.roll(flow, 1, axis)
-    return result
-
-
-class _Filter(NamedTuple):
-    """Shares of waves that are kept, in an image of so many rows and columns."""
-
-    kept: np.ndarray
-    padded: Sequence[int]
-
-    def __call__(self, values: np.ndarray) -> np.ndarray:
-        """Return an image, with zeros around it, filtered."""
-        whole: np.ndarray = np.fft.irfft2(np.fft.rfft2(values, self.padded) * self.kept, self.padded)
-        return whole[: values.shape[0], : values.shape[1]]
-
-
-def _blocks(shape: Sequence[int], pixel: Sequence[float], size: float, wraps: bool) -> tuple[int, int]:
-    """Rows and columns of pixels that are one where a density is blurred over several clumps; they divide what wraps."""
-    most = [int(AT_LARGE * WAVELENGTH * size / (BLOCKS_ALONG * step)) for step in pixel]
-    rows, columns = (
-        next(block for block in range(max(1, min(own, many)), 0, -1) if not wraps or many % block == 0)
-        for own, many in zip(most, shape, strict=True)
-    )
-    return rows, columns
-
-
-def _in_blocks(shape: Sequence[int], pixel: Sequence[float], blocks: Sequence[int]) -> tuple[list[int], list[float]]:
-    """Rows and columns of blocks of an image, and their height and width [m]."""
-    return (
-        [-(-many // block) for many, block in zip(shape, blocks, strict=True)],
-        [step * block for step, block in zip(pixel, blocks, strict=True)],
-    )
-
-
-def _sums_of_blocks(values: np.ndarray, blocks: Sequence[int]) -> np.ndarray:
-    """Sums of the pixels of all blocks; those at the far edges may have fewer."""
-    for axis, block in enumerate(blocks):
-        values = np.add.reduceat(values, np.arange(0, values.shape[axis], block), axis=axis)
-    return values
-
-
-def _over_blocks(values: np.ndarray, shape: Sequence[int], blocks: Sequence[int], wraps: bool) -> np.ndarray:
-    """Values of blocks at the pixels of an image of this shape, linearly between the blocks' middles."""
-    for many, block in zip(shape, blocks, strict=True):
-        values = _stretched(values, len(values) * block, wraps)[:many].T
-    return values
-
-
-def _match(
-    density: np.ndarray,
-    asked: np.ndarray,
-    filtered: _Filter,
-    blocks: Sequence[int],
-    wraps: bool,
-    weight: float,
-    times: int,
-) -> None:
-    """Multiply a density, in place, by what it lacks where it and the one that was asked for are filtered, so many times.
-
-    Each time goes on with a growing share of the last one, as in Nesterov's method: what takes k² times without takes k. Both are
-    filtered as sums of blocks of pixels; what these are multiplied by is as smooth as the filter, and is taken over to the pixels
-    now and then.
-    """
-    wanted = filtered(asked)
-    least = LEAST_AT_LARGE * float(wanted.max())
-    np.maximum(wanted, least, out=wanted)
-    sums = _sums_of_blocks(density, blocks)
-    last, pending = np.ones_like(sums), np.ones_like(sums)
-    for time in range(times):
-        last **= time / (time + 3.0)
-        factor = (wanted / np.maximum(filtered(sums * last), least)) ** weight
-        last *= np.clip(factor, 1.0 / MOST_AT_ONCE, MOST_AT_ONCE, out=factor)
-        sums *= last
-        pending *= last
-        np.clip(last, 1.0 / MOST_AT_ONCE, MOST_AT_ONCE, out=last)
-        if (time + 1) % TIMES_IN_BLOCKS == 0 or time == times - 1:
-            density *= _over_blocks(pending, density.shape, blocks, wraps)
-            sums = _sums_of_blocks(density, blocks)
-            pending.fill(1.0)
-
-
 def _waves(noise: np.ndarray, wave: np.ndarray, wraps: bool, measured: bool) -> np.ndarray:
     """Of noise the waves as long as clumps are apart, of standard deviation 1 but for its peaks."""
     band = np.exp(-0.5 * ((wave - 1.0) / BAND) ** 2)
@@ -402,20 +215,4 @@ def _mean_factor(contrast: float) -> float:
 
 def _length_of_transform(least: int) -> int:
     """Pixels along a side: so many; of many the next number that is fast."""
-    return max(least, 4) if least <= LONG_SIDE else _fast_length(least)
-
-
-def _fast_length(least: int) -> int:
-    """The next number whose prime factors are 2, 3 and 5."""
-    powers = (2**two * 3**three * 5**five for two in range(14) for three in range(9) for five in range(6))
-    return min(number for number in powers if number >= least)
-
-
-def _stretched(values: np.ndarray, count: int, wraps: bool) -> np.ndarray:
-    """Values along the first axis at so many places, linearly between the middles of pixels; they wrap, or go on as they end."""
-    many = len(values)
-    place = (np.arange(count) + 0.5) * (many / count) - 0.5
-    low = np.floor(place).astype(np.int64)
-    share = (place - low)[:, None]
-    below, above = (low % many, (low + 1) % many) if wraps else (np.maximum(low, 0), np.minimum(low + 1, many - 1))
-    return (1.0 - share) * values[below] + share * values[above]
+    return max(least, 4) if least <= LONG_SIDE else fast_length(least)

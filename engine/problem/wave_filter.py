@@ -1,4 +1,4 @@
-"""Values on a grid: their cosine transforms, and filters by the length of their waves."""
+"""Values on a grid: their cosine transforms, filters by the length of their waves, and values between them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-__all__ = ["filter_waves", "from_cosines", "to_cosines"]
+__all__ = ["fast_length", "filter_waves", "from_cosines", "linear_places", "stretched", "to_cosines"]
 
 # Rows that are transformed at once: threads take them one after the other, and what comes of each does not depend on the others.
 ROWS_AT_ONCE = 128
@@ -30,6 +30,27 @@ def to_cosines(values: np.ndarray, threads: int = 1) -> np.ndarray:
 def from_cosines(spectrum: np.ndarray, threads: int = 1) -> np.ndarray:
     """What :func:`to_cosines` made a spectrum of."""
     return _by_rows(_from_cosines, _by_rows(_from_cosines, spectrum, threads).T, threads).T
+
+
+def fast_length(least: int) -> int:
+    """The next number whose prime factors are 2, 3 and 5."""
+    powers = (2**two * 3**three * 5**five for two in range(14) for three in range(9) for five in range(6))
+    return min(number for number in powers if number >= least)
+
+
+def linear_places(many: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Which of the middles of ``many`` pixels is before that of each of ``count``, from -1 on, and the way on from it, in pixels."""
+    place = (np.arange(count) + 0.5) * (many / count) - 0.5
+    low = np.floor(place).astype(np.int64)
+    return low, place - low
+
+
+def stretched(values: np.ndarray, count: int, wraps: bool) -> np.ndarray:
+    """Values along the first axis at so many places, linearly between the middles of pixels; they wrap, or go on as they end."""
+    many = len(values)
+    low, share = linear_places(many, count)
+    below, above = (low % many, (low + 1) % many) if wraps else (np.maximum(low, 0), np.minimum(low + 1, many - 1))
+    return (1.0 - share)[:, None] * values[below] + share[:, None] * values[above]
 
 
 def _by_rows(transform: Callable[[np.ndarray], np.ndarray], values: np.ndarray, threads: int) -> np.ndarray:

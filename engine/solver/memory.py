@@ -83,11 +83,11 @@ def required_memory(problem: Problem) -> int:
 
 def _required_for_clumps(body_class: PreparedClass, domain: Domain) -> int:
     """Estimate the memory that the clumps of a class took when they were made [bytes]."""
-    image, crowding = body_class.density_image, crowding_of(body_class.clustering)
+    image = body_class.density_image
     # It has its clumps by now.
-    share = min(occupied(image) * (1.0 + crowding), 1.0)
+    share = min(occupied(image) * (1.0 + crowding_of(body_class.clustering)), 1.0)
     size = clump_size_of(body_class.clump_size, domain, body_class.body_count, share)
-    return memory_of_clumps(image, image.shape, size, domain, crowding)
+    return memory_of_clumps(image.shape, size, domain)
 
 
 def _required_for_images(problem: Problem) -> int:

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..problem.clumps import PIXELS_PER_CLUMP, as_dense_at_large, clump_factor
+from ..problem.clumps import PIXELS_PER_CLUMP, WAVELENGTH, clump_factor
+from ..problem.clumps_at_large import as_dense_at_large
 from ..problem.random_numbers import random_shares
 from .bodies import written_atomically
 from .density_windows import Axis, Source, WrappedSource, sample_source, wrapped
@@ -24,8 +25,6 @@ __all__ = ["ClumpedSource", "Clumps", "write_block"]
 # Pixels along a side of a block, and of what is made beside it and thrown away: eight wavelengths. Two neighbors then differ by three
 # hundredths of the mean along the edge between them, of a density that differs by as much as its mean from clump to gap.
 BLOCK, BESIDE = 512, 128
-# How often what densities lack at large is made up for: as often as in one solve of as many clumps as there are here.
-TIMES = 24
 
 
 @dataclass(frozen=True)
@@ -38,8 +37,7 @@ class Clumps:
         extent: Of the domain along x and y [m].
         wraps: Whether it is periodic.
         seed: From which the noise follows.
-        weight: See :func:`~.clumps.share_at_large`.
-        pushed_out: See :func:`~.clumps.as_dense_at_large`.
+        pushed_out: See :func:`~.clumps_at_large.as_dense_at_large`.
         folder: Where the blocks are.
     """
 
@@ -48,7 +46,6 @@ class Clumps:
     extent: tuple[float, float]
     wraps: bool
     seed: tuple[int, ...]
-    weight: float
     pushed_out: float
     folder: Path
 
@@ -174,9 +171,7 @@ def _made(clumps: Clumps, source: Source, down: Axis, across: Axis) -> np.ndarra
     noise = math.sqrt(12.0) * (random_shares(number, list(clumps.seed)) - 0.5)
     pixel = [length / many for length, many in zip(clumps.extent[::-1], clumps.shape, strict=True)]
     factor = clump_factor(noise, pixel, clumps.size, False, clumps.clustering, measured=False)
-    clumped = as_dense_at_large(
-        asked, asked * factor, clumps.size, pixel, False, clumps.weight, clumps.pushed_out, TIMES
-    )
+    clumped = as_dense_at_large(asked, asked * factor, WAVELENGTH * clumps.size, pixel, False, clumps.pushed_out)
     return np.divide(clumped, asked, out=factor, where=asked > 0.0)
 
 

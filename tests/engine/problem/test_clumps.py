@@ -88,22 +88,31 @@ def test_bodies_stand_in_clumps_and_the_density_at_large_is_kept():
     assert all(len(p.position) == 1500 for p in placements.values())
 
 
-@pytest.mark.parametrize("shape", ["even", "patches"])
-def test_bodies_in_the_strongest_clumps_are_at_most_twice_as_far_from_the_density_at_large(shape):
-    """In an open domain it was three times, half of it since bodies push each other out of clumps."""
+@pytest.mark.parametrize(("count", "times", "deviation"), [(4096, 2.0, 0.9), (400, 3.0, 0.75)])
+@pytest.mark.parametrize("shape", ["even", "patches", "disc", "squares"])
+def test_bodies_in_the_strongest_clumps_are_at_most_twice_as_far_from_the_density_at_large(
+    shape, count, times, deviation
+):
+    """In an open domain it was three times, half of it since bodies push each other out of clumps; on sharp shapes six times.
+
+    Few bodies, for whose clumps there is little room, were off by seven to twenty-four times as much as without.
+    """
     row, column = (np.indices((64, 64)) + 0.5) / 64.0
     patches = 0.15 + np.exp(np.sin(7.0 * row + 3.0 * column) + np.cos(9.0 * column - 2.0 * row))
-    density = {"even": np.ones((1, 1)), "patches": patches}[shape].astype(np.float32)
+    disc = np.hypot(row - 0.5, column - 0.5) < 0.35
+    squares = (np.abs(row - 0.4) < 0.3) & (np.abs(column - 0.25) < 0.2) | (row > 0.6) & (column > 0.6)
+    density = {"even": np.ones((1, 1)), "patches": patches, "disc": disc, "squares": squares}[shape].astype(np.float32)
     domain = Domain((64.0, 64.0))
     errors = {0.0: [], 1.0: []}
     for strength, found in errors.items():
         for seed in (2, 3):
-            problem = problem_of(strength, density=density, count=4096, domain=domain, seed=seed)
+            problem = problem_of(strength, density=density, count=count, domain=domain, seed=seed)
             placement = solve(problem, device="cpu")
             found.append(coverage_error(placement.position, placement.area, density, domain, 4.0))
-    assert np.mean(errors[1.0]) < 2.0 * np.mean(errors[0.0])
+    assert np.mean(errors[1.0]) < times * np.mean(errors[0.0])
     fine = np.kron(density, np.ones(np.array(density_of(problem).shape) // density.shape))
-    assert (density_of(problem) / fine).std() > (density_of(problem) / fine).mean()
+    factor = density_of(problem)[fine > 0.0] / fine[fine > 0.0]
+    assert factor.std() > deviation * factor.mean()
 
 
 def test_clumps_of_two_classes_and_two_seeds_differ_and_finer_densities_have_the_same():
