@@ -2,6 +2,8 @@
 
     python benchmarks/clumps.py
     python benchmarks/clumps.py --bodies 1000 --seeds 8
+
+Means over seeds; for the strongest clumps also the worst seed, over the mean without clumps.
 """
 
 from __future__ import annotations
@@ -50,7 +52,7 @@ def error(domain: Domain, density: np.ndarray, strength: float, count: int, seed
 
 
 def main() -> None:
-    """Print a line for every case: means over seeds, and the worst seed over the mean without clumps."""
+    """Print a line for every case."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--bodies", metavar="N", type=int, default=4096)
     parser.add_argument("--seeds", metavar="N", type=int, default=6)
@@ -59,10 +61,15 @@ def main() -> None:
     print("| case | without | strength 0.5 | strength 1 | strength 1, worst seed |")
     print("|---|---|---|---|---|")
     for name, (domain, density) in cases().items():
-        errors = np.array([
-            [error(domain, density, strength, options.bodies, seed, options.device) for seed in range(options.seeds)]
-            for strength in STRENGTHS
-        ])
+        errors = np.array(
+            [
+                [
+                    error(domain, density, strength, options.bodies, seed, options.device)
+                    for seed in range(options.seeds)
+                ]
+                for strength in STRENGTHS
+            ]
+        )
         without, half, whole = errors.mean(axis=1)
         times = f"{half / without:.1f} times | {whole / without:.1f} times | {errors[-1].max() / without:.1f} times"
         print(f"| {name} | {without:.5f} | {times} |", flush=True)
