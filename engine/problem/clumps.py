@@ -51,7 +51,7 @@ MOST_PIXELS = 4096
 TIMES, FEWEST_TIMES = 24, 6
 # Bodies push each other out of where they are crowded: their density is what they follow less so many times the Laplacian of its
 # logarithm, per area. Over clumps that sums up to half of the error at large, and is made up for. Measured at these regularities.
-REGULARITIES, PUSHED_OUT = (0.0, 0.3, 0.6, 1.0), (0.0027, 0.0062, 0.0125, 0.0255)
+REGULARITIES, PUSHED_OUT = (0.0, 0.3, 0.6, 1.0), (0.0024, 0.0056, 0.0113, 0.023)
 PIXELS_IN_ALL = 24 * 2**20
 LONG_SIDE = 1024
 # Mean square of the factor on a density, less 1, at these strengths.

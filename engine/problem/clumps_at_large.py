@@ -16,9 +16,9 @@ from .wave_filter import fast_length, linear_places, stretched
 
 __all__ = ["as_dense_at_large", "memory_at_large"]
 
-# Nodes along the width of the Gaussian by which densities are compared, which is the wavelength of clumps. Sums at these are off by
-# what is as short as two nodes, of which B-splines leave next to nothing: with 7 errors are the same.
-NODES_ALONG = 4.0
+# Width of the Gaussian by which densities are compared, in wavelengths of clumps; and nodes along it. Sums at these are off by what is
+# as short as two nodes, of which B-splines leave next to nothing: with 7 errors are the same.
+AT_LARGE, NODES_ALONG = 0.92, 4.0
 # Widths of a Gaussian after which it has ended.
 REACH_OF_BLUR = 4.5
 # How often the factor is multiplied by what lacks; of many nodes less often, so that nodes times rounds are no more than these. With
@@ -27,11 +27,11 @@ REACH_OF_BLUR = 4.5
 ROUNDS, FEWEST_ROUNDS, NODES_IN_ALL = 600, 24, 24 * 2**20
 # Rounds are slow for waves of which the Gaussian leaves little, above all those along edges. So first, for this share of the rounds,
 # it is multiplied by so many terms of its inverse's series, with which more of them is left.
-FIRST_SHARE, TERMS = 0.8, 3
+FIRST_SHARE, TERMS = 0.8, 2
 # So much of its logarithm the factor loses in every round, once in so many: where next to nothing lacks, it has no reason to be
-# anything but 1, and clumps keep .94 of the density's deviation from its mean. Without it .92; with three times as much squares are
-# off by half as much again.
-LOST, ROUNDS_TO_LOSE = 3e-5, 8
+# anything but 1, and clumps keep .94 of the density's deviation from its mean. Without it .92; with twice as much squares are off by
+# two fifths more.
+LOST, ROUNDS_TO_LOSE = 5e-5, 8
 # What is blurred to less than this share of its peak is left as it is; and by how much a place is made denser or thinner at once, and
 # in all, at most.
 LEAST, MOST_AT_ONCE, MOST_IN_ALL = 1e-4, 1.5, 100.0
@@ -65,7 +65,8 @@ def as_dense_at_large(
     if not asked.any():
         return clumped
     clumped = clumped * (asked.sum() / clumped.sum())
-    nodes, step, padded = _nodes(asked.shape, pixel, wavelength, wraps)
+    width = AT_LARGE * wavelength
+    nodes, step, padded = _nodes(asked.shape, pixel, width, wraps)
     axes = [_Axis(many, count, wraps) for many, count in zip(asked.shape, nodes, strict=True)]
     wanted = asked + pushed_out * _spreading(asked, clumped, pixel, wraps)
     everywhere = np.ones(nodes)
@@ -73,7 +74,7 @@ def as_dense_at_large(
     rounds = min(ROUNDS, max(FEWEST_ROUNDS, NODES_IN_ALL // (padded[0] * padded[1])))
     first = round(FIRST_SHARE * rounds)
     factor = everywhere
-    for kept, many in zip(_filters(padded, step, wavelength), (first, rounds - first), strict=True):
+    for kept, many in zip(_filters(padded, step, width), (first, rounds - first), strict=True):
         factor = _matched(factor, sums, sums_wanted, kept, padded, many)
     for many in asked.shape:
         factor = stretched(factor, many, wraps).T
@@ -83,7 +84,7 @@ def as_dense_at_large(
 
 def memory_at_large(shape: Sequence[int], pixel: Sequence[float], wavelength: float, wraps: bool) -> int:
     """Estimate what :func:`as_dense_at_large` takes at its peak, beside its densities [bytes]."""
-    nodes, _, padded = _nodes(shape, pixel, wavelength, wraps)
+    nodes, _, padded = _nodes(shape, pixel, AT_LARGE * wavelength, wraps)
     return (
         BYTES_PER_PIXEL * shape[0] * shape[1]
         + BYTES_PER_NODE * nodes[0] * nodes[1]
@@ -92,16 +93,16 @@ def memory_at_large(shape: Sequence[int], pixel: Sequence[float], wavelength: fl
 
 
 def _nodes(
-    shape: Sequence[int], pixel: Sequence[float], wavelength: float, wraps: bool
+    shape: Sequence[int], pixel: Sequence[float], width: float, wraps: bool
 ) -> tuple[list[int], list[float], list[int]]:
     """How many nodes there are along either side, how far apart [m], and with what is around them where they are blurred."""
     length = [many * own for many, own in zip(shape, pixel, strict=True)]
-    nodes = [min(many, math.ceil(NODES_ALONG * side / wavelength)) for many, side in zip(shape, length, strict=True)]
+    nodes = [min(many, math.ceil(NODES_ALONG * side / width)) for many, side in zip(shape, length, strict=True)]
     step = [side / count for side, count in zip(length, nodes, strict=True)]
     if wraps:
         return nodes, step, nodes
     # What does not wrap ends at its edges: nothing is beyond.
-    reach = [2 * BESIDE + math.ceil(REACH_OF_BLUR * wavelength / own) for own in step]
+    reach = [2 * BESIDE + math.ceil(REACH_OF_BLUR * width / own) for own in step]
     return nodes, step, [fast_length(count + more) for count, more in zip(nodes, reach, strict=True)]
 
 
