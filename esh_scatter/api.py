@@ -96,7 +96,8 @@ def scatter(
         obstacles: What objects keep off: objects, collections, results of other scatters, or a
             :class:`~esh.ScatterObstacle` of these, which gives curves a width and keeps a margin free.
         pinned: Whether objects of the replaced result stay where they are that were pinned, or moved by hand; they count. Or, by
-            class of that result, the index of the class that it is now, or None.
+            class of that result, the index of the class that it is now, or None. What is not on ``target``, where that is another
+            one now, does not stay, and the report says so.
         progress: Called after every step; returning False stops the run, and what is there is written.
         changes: Any of the following, by name, in place of that in ``settings``.
 

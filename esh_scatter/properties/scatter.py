@@ -331,7 +331,7 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         if result is None or result.type != "MESH":
             return ""
         if result.get(RESULT_TARGET) != self.chosen_target and (total := lost_with_target(result, self.targets)):
-            return f"{total:,} moved or pinned object{'s' * (total > 1)} will be moved: the new target is elsewhere"
+            return f"{total:,} moved or pinned object{'s' * (total > 1)} will be lost: the new target is elsewhere"
         sizes = [[size.name for size in c.sizes] for c in self.ready_classes()]
         lost = lost_with_classes(result, str(result.get(CLASS_NAMES, "")), sizes, self.classes_of_result(scene))
         total = sum(lost.values())

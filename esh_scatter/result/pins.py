@@ -217,7 +217,11 @@ def tell_copies_apart(mesh: bpy.types.Mesh) -> None:
 
 
 def read_pins(
-    result: bpy.types.Object, names: str, sizes: Sequence[Sequence[str]], numbers: Sequence[int | None]
+    result: bpy.types.Object,
+    names: str,
+    sizes: Sequence[Sequence[str]],
+    numbers: Sequence[int | None],
+    others: Sequence[bpy.types.Object] = (),
 ) -> Pins | None:
     """Return what stays of a result in the next run. Only the main thread may call this.
 
@@ -226,8 +230,10 @@ def read_pins(
         names: Its names of classes, and of their sizes, as JSON.
         sizes: By class that is placed now, the names of its sizes.
         numbers: By class of the result, which of those that are placed now it is; None for none of them.
+        others: Targets that take the place of those that it stands on: what is elsewhere does not stay.
     """
     mesh, stays = result.data, _kept_by_hand(result)
+    stays = stays[~_elsewhere(result, stays, others)]
     if not len(stays):
         return None
     new_class, new_size = _known_now(mesh, stays, names, sizes, numbers)
@@ -316,14 +322,19 @@ def lost_with_classes(
 
 def lost_with_target(result: bpy.types.Object, targets: Sequence[bpy.types.Object]) -> int:
     """Return how many objects of a result would stay, but are neither above nor below the boxes around some targets."""
-    stays = _kept_by_hand(result)
-    if not len(stays) or not targets:
-        return 0
+    return int(_elsewhere(result, _kept_by_hand(result), targets).sum())
+
+
+def _elsewhere(result: bpy.types.Object, points: np.ndarray, targets: Sequence[bpy.types.Object]) -> np.ndarray:
+    """Return which of some points of a result are neither above nor below the boxes around targets, shape ``[n]``."""
+    if not len(points) or not targets:
+        return np.zeros(len(points), bool)
     corners = np.concatenate([[item.matrix_world @ Vector(corner) for corner in item.bound_box] for item in targets])
     low, high = corners.min(axis=0)[:2], corners.max(axis=0)[:2]
-    place = moved_with(result, body_places(result.data), bpy.context).position[stays, :2]
+    place = moved_with(result, body_places(result.data), bpy.context).position[points, :2]
     beside = AROUND * float((high - low).max())
-    return int(((place < low - beside) | (place > high + beside)).any(axis=1).sum())
+    elsewhere: np.ndarray = ((place < low - beside) | (place > high + beside)).any(axis=1)
+    return elsewhere
 
 
 def _heading(rotation: np.ndarray) -> np.ndarray:

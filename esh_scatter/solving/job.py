@@ -47,11 +47,11 @@ from ..densities.image_density import stored_density
 from ..result.following import followed
 from ..result.kept_ground import LOWEST_POINTS, SEED, KeptPlaces
 from ..result.kept_variants import VARIANTS, lowest_told, variants_told
-from ..result.pins import Pins, read_pins
+from ..result.pins import Pins, lost_with_target, read_pins
 from ..result.result import CLASS_NAMES, find_result, write_result
 from ..result.result_points import ResultPoints, overlap_attributes, point_attributes, result_points
 from ..targets.references import Reference
-from ..targets.target import check_exists, is_result, world_matrix
+from ..targets.target import RESULT_TARGET, check_exists, is_result, world_matrix
 from ..targets.targets import Target, Targets, read_targets
 from .obstacles import ObstacleSource, StoredObstacle, obstacles_in, read_obstacles
 from .obstacles_on_surface import obstacles_on
@@ -67,6 +67,7 @@ ROUNDED = (
     "so far from the world's origin Blender rounds positions to {:.2g} m; the report tells of objects where it puts them; move the "
     "scene nearer to the origin"
 )
+LOST = "{:,} moved or pinned object{} lost: the new target is elsewhere"
 # What a scatter can be told by name beside its settings.
 ASKED_BESIDE = ("name", "result", "obstacles", "pinned", "progress")
 # Of a surface that hides more than the other side of a solid, from above; steeper ground than 53 degrees all over does.
@@ -176,6 +177,8 @@ class ScatterJob:
         self._shapes: list[SizeShape] = []
         self.survey = survey
         self._given_obstacles = obstacles
+        # What is to be said of objects that were placed by hand and do not stay.
+        self._lost = ""
         self._reading: _Reading | None = self._read(context)
         self.placement: Placement | None = None
         self.made_with = ""
@@ -218,7 +221,11 @@ class ScatterJob:
         now = [c.name for c in self.classes]
         by_name = [now.index(name) if name in now else None for name in json.loads(names)[0]]
         numbers = by_name if isinstance(pinned, bool) else pinned
-        pins = read_pins(own, names, [[size.name for size in c.sizes] for c in self.classes], numbers)
+        # Where that can be asked, somebody has been asked.
+        others = () if own.get(RESULT_TARGET) == self.target else self._targets.objects
+        if total := lost_with_target(own, others):
+            self._lost = LOST.format(total, "s were" if total > 1 else " was")
+        pins = read_pins(own, names, [[size.name for size in c.sizes] for c in self.classes], numbers, others)
         if pins is None:
             return None
         first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
@@ -365,6 +372,8 @@ class ScatterJob:
             placement = _with_note(placement, SEEN.format(self.chart.view.mesh.name, share))
         if upright := self._upright_on_walls(placement):
             placement = _with_note(placement, ON_WALLS.format(upright))
+        if self._lost:
+            placement = _with_note(placement, self._lost)
         self._points = points
         self.placement = placement
         self._attributes = points, point_attributes(placement, points, self.classes, self.settings)

@@ -69,6 +69,12 @@ def move(mesh, point, to):
     return int(read_attribute(mesh, "id")[point])
 
 
+def in_world(result):
+    position = read_attribute(result.data, "position")
+    matrix = np.array(result.matrix_world)
+    return position @ matrix[:3, :3].T + matrix[:3, 3]
+
+
 def test_what_was_moved_stays_and_the_rest_makes_room(made):
     mesh = made.result.data
     assert not made.outdated and not pins.moved_by_hand(mesh).any()
@@ -588,7 +594,6 @@ def test_a_run_that_leaves_out_what_was_placed_by_hand_is_asked_about(made, chan
 
 @pytest.mark.parametrize(("where", "asks"), [((0.5, 0.0, 0.0), False), ((100.0, 0.0, 0.0), True)])
 def test_a_run_on_another_target_that_is_elsewhere_is_asked_about(made, where, asks):
-    """What was placed by hand came to the border of the other target, without a word."""
     bpy.ops.mesh.primitive_plane_add(size=60, location=where)
     other = bpy.context.object
     move(made.result.data, 3, (1.0, 2.0))
@@ -597,7 +602,37 @@ def test_a_run_on_another_target_that_is_elsewhere_is_asked_about(made, where, a
     asked = before_a_run(bpy.context, made)
     assert (asked is not None) is asks
     if asked:
-        assert asked[1] == "1 moved or pinned object will be moved: the new target is elsewhere"
+        assert asked[1] == "1 moved or pinned object will be lost: the new target is elsewhere"
+
+
+@pytest.mark.parametrize("by", ["operator", "script"])
+@pytest.mark.parametrize(("where", "kept"), [(0.5, 5), (100.0, 0), (33.0, 2)])
+def test_what_is_not_on_the_new_target_does_not_stay_and_the_report_says_so(made, by, where, kept):
+    """It came to the border of the new target, without a word, and stayed there."""
+    mesh = made.result.data
+    across = np.argsort(read_attribute(mesh, "position")[:, 0])
+    # The ground is 20 m wide; 33 m further on the new one begins at its middle.
+    pinned = np.concatenate([across[:3], across[-2:]])
+    pins.pin(mesh, pinned)
+    before = in_world(made.result)[pinned]
+    bpy.ops.mesh.primitive_plane_add(size=60, location=(where, 0.0, 0.0))
+    made.target = bpy.context.object
+    if by == "operator":
+        assert bpy.ops.esh.scatter() == {"FINISHED"}
+        notes, result = made.report["notes"], made.result
+    else:
+        positional, named = made.arguments(bpy.context.scene)
+        anew = scatter(*positional, **named)
+        notes, result = anew.report.notes, anew.object
+    stays = np.flatnonzero(pins.staying(result.data))
+    assert len(stays) == kept
+    for place in in_world(result)[stays]:
+        assert np.linalg.norm(before[:, :2] - place[:2], axis=1).min() < 1e-4, "it is where it was"
+    lost = 5 - kept
+    assert [note for note in notes if "elsewhere" in note] == (
+        [f"{lost} moved or pinned objects were lost: the new target is elsewhere"] if lost else []
+    )
+    assert len(result.data.vertices) == 110, "others have their places"
 
 
 def test_a_run_that_keeps_what_was_placed_by_hand_is_not_asked_about(made):
