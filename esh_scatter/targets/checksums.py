@@ -18,6 +18,7 @@ import numpy as np
 from .depsgraph import evaluated_depsgraph
 from .evaluated_mesh import evaluated_mesh
 from .target import origin_of, shown_collection, shown_members_of, world_matrix
+from .vertex_groups import list_weights
 
 __all__ = [
     "at_most",
@@ -43,8 +44,6 @@ SHORTEST_SHARED = 0.02
 SAME_DRAWING = 0.1
 # Numbers that are kept at most; whoever asks again gets the rest anew.
 MOST_KEPT = 4096
-# Vertices whose weights are read at most: Blender tells them one by one.
-MOST_WEIGHTS = 20_000
 # Every so many rows of pixels are summed up along the other way as well.
 ROWS_APART = 16
 # Decimals of rotation and scale that count; the rest is rounding.
@@ -157,7 +156,7 @@ def of_collection(collection: bpy.types.Collection) -> int:
 
 
 def of_weights(item: bpy.types.Object, name: str) -> int:
-    """Return the number of a vertex group's weights; of a large mesh, those of every so many vertices."""
+    """Return the number of a vertex group's weights."""
     return worked_out(("weights", item.session_uid, name), lambda: _weights_number(item, name))
 
 
@@ -297,15 +296,7 @@ def _weights_number(item: bpy.types.Object, name: str) -> int:
     group = item.vertex_groups.get(name)
     if group is None:
         return 0
-    vertices = item.data.vertices
-    number, step = group.index, max(1, -(-len(vertices) // MOST_WEIGHTS))
-    weights = [
-        (index, entry.weight)
-        for index in range(0, len(vertices), step)
-        for entry in vertices[index].groups
-        if entry.group == number
-    ]
-    return zlib.crc32(np.array(weights, np.float64).tobytes(), len(vertices))
+    return _crc(list_weights(item.data, [group.index])[0])
 
 
 def _attribute_number(item: bpy.types.Object, name: str) -> int:

@@ -39,7 +39,8 @@ def fill_in():
         steps.show_tab()
         for item in list(bpy.data.objects):
             bpy.data.objects.remove(item)
-        cuts = 50 if PAINTED == "image" else 150
+        # The weights of many vertices are read whole during the stroke, too.
+        cuts = {"image": 50, "colors": 150, "weights": 250}[PAINTED]
         bpy.ops.mesh.primitive_grid_add(size=SIZE, x_subdivisions=cuts, y_subdivisions=cuts)
         ground = bpy.context.object
         ground.name = "Ground"
@@ -163,7 +164,7 @@ class Watch:
     def _pixels():
         if PAINTED == "weights":
             found = bpy.data.objects["Ground"].data.vertices
-            return np.array([found[number].groups[0].weight for number in range(0, len(found), 4)])
+            return np.array([found[number].groups[0].weight for number in range(0, len(found), 20)])
         if PAINTED == "colors":
             found = bpy.data.objects["Ground"].data.attributes["Colors"].data
             colors = np.empty(4 * len(found), np.float32)

@@ -6,7 +6,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter.targets import vertex_groups  # noqa: E402
-from esh.esh_scatter.targets.vertex_groups import _copying_group, read_vertex_groups  # noqa: E402
+from esh.esh_scatter.targets.vertex_groups import _copying_group, list_weights, read_vertex_groups  # noqa: E402
 
 
 @pytest.fixture
@@ -116,3 +116,14 @@ def test_no_group_is_no_work_and_a_group_without_weights_is_zero(ball):
         read = read_vertex_groups(evaluated(ball), evaluated(ball).to_mesh(), ["empty"], bpy.context)
         np.testing.assert_array_equal(read["empty"], 0.0)
     assert everything() == before
+
+
+def test_meshes_without_vertices_or_without_any_weights_are_listed():
+    bpy.ops.wm.read_homefile(use_empty=True)
+    for count in (0, 3):
+        mesh = bpy.data.meshes.new("Loose")
+        mesh.from_pydata([(float(number), 1.0, 2.0) for number in range(count)], [], [])
+        item = bpy.data.objects.new("Loose", mesh)
+        item.vertex_groups.new(name="empty")
+        (weights,) = list_weights(mesh, [0])
+        np.testing.assert_array_equal(weights, np.zeros(count, np.float32))
