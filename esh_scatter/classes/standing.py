@@ -60,11 +60,19 @@ class Ground:
 
 
 class Stand(NamedTuple):
-    """How objects stand: unit quaternions (w, x, y, z) ``[n, 4]``, scale ``[n]``, and the way from point to origin [m] ``[n, 3]``."""
+    """How objects stand; all float32.
+
+    Attributes:
+        rotation: Unit quaternions (w, x, y, z), shape ``[n, 4]``.
+        scale: Shape ``[n]``.
+        to_origin: The way from point to origin [m], shape ``[n, 3]``.
+        height: The part of it that goes along the object's own axis, whichever way the ground leans [m], shape ``[n, 3]``.
+    """
 
     rotation: np.ndarray
     scale: np.ndarray
     to_origin: np.ndarray
+    height: np.ndarray
 
 
 def draw(standing: Standing, identity: np.ndarray, long: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -146,7 +154,9 @@ def stand(standing: Standing, ground: Ground, seed: int) -> Stand:
         middle = np.zeros((len(moved), 3))
         middle[:, :2] = scale[moved, None] * ground.middle[moved]
         to_origin[moved] -= _onto_ground(rotate(rotation[moved], middle), ground.part(moved))
+    height = np.zeros_like(to_origin)
     if standing.stand_on == LOWEST and ground.lowest.any():
         up = rotate(rotation, np.broadcast_to([0.0, 0.0, 1.0], ground.normal.shape))
-        to_origin -= (scale * ground.lowest)[:, None] * up
-    return Stand(rotation.astype(np.float32), scale, to_origin.astype(np.float32))
+        height = -(scale * ground.lowest)[:, None] * up
+        to_origin += height
+    return Stand(rotation.astype(np.float32), scale, to_origin.astype(np.float32), height.astype(np.float32))

@@ -21,7 +21,7 @@ from ..targets.target import RESULT_TAG, check_exists, extent_of, put_offset
 from .display import matrix_of_points, shown_objects
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
 from .result import CLASS_NAMES, write_result
-from .standing_now import moved_with
+from .standing_now import heights, moved_with
 
 __all__ = ["export_result", "import_placement"]
 
@@ -160,7 +160,7 @@ def _read_result(item: bpy.types.Object) -> tuple[Bodies, list[bpy.types.Object 
             attribute.data.foreach_get("vector" if kind == "FLOAT_VECTOR" else "value", values)
         return values.reshape(count, width) if width > 1 else values
 
-    now = moved_with(item, read("position", "FLOAT_VECTOR", 3, 0.0).astype(np.float64), bpy.context)
+    now = moved_with(item, read("position", "FLOAT_VECTOR", 3, 0.0).astype(np.float64), bpy.context, heights(item))
     position, rotation = now.position, _turned(now.turned, read(ROTATION, "QUATERNION", 4, 0.0))
     scale = read(SCALE, "FLOAT_VECTOR", 3, 1.0)
     world = matrix_of_points(item)

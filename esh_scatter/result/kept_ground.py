@@ -15,6 +15,7 @@ from .display import matrix_of_points, shown_objects
 from .node_group import (
     ALIGN,
     CORNERS,
+    HEIGHT,
     HIDE_RENDER,
     HIDE_VIEWPORT,
     INSTANCE_INDEX,
@@ -79,13 +80,15 @@ _FIELDS: dict[str, tuple[str, int, Any]] = {
 }
 
 
-def ground_attributes(ground: Ground, to_origin: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:
+def ground_attributes(ground: Ground, to_origin: np.ndarray, height: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:
     """Return the attributes that keep what is known of the points; of the rarer ones, those that say something."""
     kept = {
         NORMAL: ("FLOAT_VECTOR", ground.normal),
         _HEADING: ("FLOAT", ground.heading),
         TO_ORIGIN: ("FLOAT_VECTOR", to_origin),
     }
+    if height.any():
+        kept[HEIGHT] = ("FLOAT_VECTOR", height)
     if ground.long.any():
         kept[_LONG] = ("BOOLEAN", ground.long)
     if ground.middle.any() or ground.axis.any():
@@ -137,6 +140,12 @@ def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing, 
     to_origin[own] = new.to_origin
     rotation, scale = read_attribute(mesh, ROTATION), read_attribute(mesh, SCALE)
     rotation[own], scale[own] = new.rotation, new.scale[:, None]
+    if new.height.any() or HEIGHT in mesh.attributes:
+        if HEIGHT not in mesh.attributes:
+            mesh.attributes.new(HEIGHT, "FLOAT_VECTOR", "POINT")
+        height = read_attribute(mesh, HEIGHT)
+        height[own] = new.height
+        write_attribute(mesh, HEIGHT, height)
     for name, values in (("position", position), (TO_ORIGIN, to_origin), (ROTATION, rotation), (SCALE, scale)):
         write_attribute(mesh, name, values)
     if ALIGN in mesh.attributes:

@@ -24,6 +24,7 @@ __all__ = [
     "FACE_NORMAL",
     "FAMILY",
     "GROUND_POINT",
+    "HEIGHT",
     "HIDE_RENDER",
     "HIDE_VIEWPORT",
     "INSTANCE_INDEX",
@@ -52,7 +53,7 @@ __all__ = [
 
 INSTANCE_INDEX = "instance_index"
 # Which nodes a group has: with another number results get new ones in their next run.
-LAYOUT = 3
+LAYOUT = 4
 # What a group was made of apart from its objects, as a custom property.
 MADE_OF = "esh_made_of"
 ROTATION = "rotation"
@@ -63,6 +64,10 @@ HIDE_RENDER = "hide_render"
 # point of the ground was, and the triangle's first edge and normal, all in the world; and how far the object follows the slope.
 CORNERS, WEIGHTS, TARGET = ("esh_vertex_0", "esh_vertex_1", "esh_vertex_2"), "esh_barycentric", "esh_target"
 GROUND_POINT, EDGE, FACE_NORMAL, ALIGN = "ground_point", "ground_edge", "ground_face", "align"
+
+# The part of the way from that point of the ground to an object's origin that goes along the object's own axis: it leans as the object
+# does, and the rest as the ground does. What has none has no such attribute.
+HEIGHT = "own_height"
 
 # What is drawn of every object, in the order of the menu.
 DISPLAYS = ("Objects", "Bounds", "Points")
@@ -441,7 +446,7 @@ def _follow(tree: Tree, followed: Sequence[Followed]) -> list[Socket]:
     (ground,) = tree.part("Ground Point", _ground_now, corner=corner, edge=edge, side=side, weights=weights)
     tree.column(4)
     standing = {"ground": ground, "edge": edge, "side": side, "mirror": mirror}
-    place, new_rotation = tree.part("Standing, Mirrored", _standing_now, **standing)
+    place, new_rotation = tree.part("Standing, by Height", _standing_now, **standing)
     tree.column(5)
     # Kept before the points are moved, with which all that is asked of the ground would change.
     turn = tree.add("GeometryNodeStoreNamedAttribute", data_type="QUATERNION", domain="POINT")
@@ -604,10 +609,22 @@ def _standing_now(tree: Tree) -> list[Socket]:
     mixed = next(socket for socket in mix.outputs if socket.enabled)
     (rotation,) = tree.part("Mirrored Rotation", _mirrored_rotation, over=over)
     new_rotation = tree.call("FunctionNodeRotateRotation", rotation, mixed, rotation_space="GLOBAL")
+    ways = {"ground": tree.inputs["ground"], "mirror": mirror, "turned": turned, "mixed": mixed}
+    (place,) = tree.part("Origin", _origin_now, **ways)
+    return [place, new_rotation]
+
+
+def _origin_now(tree: Tree) -> list[Socket]:
+    """Return where origins are: the ways there from the ground turn with it, but for what leans as the objects themselves do."""
     position = tree.call("GeometryNodeInputPosition")
+    height = tree.attribute(HEIGHT, "FLOAT_VECTOR")
     away = tree.vector("SUBTRACT", position, tree.attribute(GROUND_POINT, "FLOAT_VECTOR"))
-    away = tree.call("FunctionNodeRotateVector", tree.vector("MULTIPLY", away, mirror), turned)
-    return [tree.vector("ADD", tree.inputs["ground"], away), new_rotation]
+    tree.column(2)
+    place: Any = tree.inputs["ground"]
+    for way, how in ((tree.vector("SUBTRACT", away, height), "turned"), (height, "mixed")):
+        mirrored = tree.vector("MULTIPLY", way, tree.inputs["mirror"])
+        place = tree.vector("ADD", place, tree.call("FunctionNodeRotateVector", mirrored, tree.inputs[how]))
+    return [place]
 
 
 def _mirrored_rotation(tree: Tree) -> list[Socket]:

@@ -26,7 +26,8 @@ from .kept_ground import (
     read_attribute,
     write_attribute,
 )
-from .node_group import DISPLAYS, ROTATION, SCALE
+from .node_group import DISPLAYS, HEIGHT, ROTATION, SCALE
+from .standing_now import heights
 
 __all__ = ["Changes", "changes_of", "discard_real", "make_real", "real_objects_of", "take_over"]
 
@@ -164,6 +165,7 @@ def take_over(result: bpy.types.Object, changes: Changes) -> int:
     ways = np.linalg.inv(world) @ changes.ways @ world
     names = ("position", ROTATION, SCALE, TO_ORIGIN, "heading")
     position, rotation, scale, to_origin, heading = (read_attribute(mesh, name) for name in names)
+    height = heights(result)
     fit, angle = add_attribute(mesh, FIT, 1.0), add_attribute(mesh, BODY_ANGLE, 0.0)
     for point, way in zip(points.tolist(), ways, strict=True):
         before = Matrix.LocRotScale(
@@ -179,12 +181,15 @@ def take_over(result: bpy.types.Object, changes: Changes) -> int:
         turn, factor = math.atan2(y, x), float(np.mean(sized)) / float(np.mean(scale[point]))
         position[point], rotation[point], scale[point] = place, turned, sized
         to_origin[point] = way[:3, :3] @ to_origin[point]
+        height[point] = way[:3, :3] @ height[point]
         heading[point] += turn
         angle[point] += turn
         fit[point] *= factor
     values = (position, rotation, scale, to_origin, heading)
     for name, value in zip((*names, FIT, BODY_ANGLE), (*values, fit, angle), strict=True):
         write_attribute(mesh, name, value)
+    if HEIGHT in mesh.attributes:
+        write_attribute(mesh, HEIGHT, height.astype(np.float32))
     pins.pin(mesh, points)
     return mirrored
 

@@ -20,7 +20,7 @@ from ...engine.surface.whole_surface import WholeSurface
 from ..classes.on_whole_surface import headings
 from ..classes.scatter_class import ScatterClass, color_of, standing_of
 from ..classes.sources import SizeShape, lowest_points, standing_on, variants_of
-from ..classes.standing import Ground, draw, stand, turns_towards
+from ..classes.standing import Ground, Stand, draw, stand, turns_towards
 from ..targets.targets import stuck_attributes
 from .following import follow_attributes
 from .kept_ground import BODY_ANGLE, BODY_LENGTH, ground_attributes
@@ -38,6 +38,7 @@ class ResultPoints(NamedTuple):
         instances: The objects, in the placement's order.
         ground: What they stand on.
         to_origin: The way from point to origin [m], shape ``[n, 3]``, float32.
+        height: The part of it that goes along the objects' own axes [m], shape ``[n, 3]``, float32.
         surface: The points on the target's mesh.
         stuck: Attributes that tell where on that mesh they are.
     """
@@ -45,6 +46,7 @@ class ResultPoints(NamedTuple):
     instances: Instances
     ground: Ground
     to_origin: np.ndarray
+    height: np.ndarray
     surface: SurfacePoints
     stuck: dict[str, tuple[str, np.ndarray]]
 
@@ -93,10 +95,10 @@ def result_points(
                 # Outlines were parted as they are turned, and what is pinned has the turn that it has.
                 free = own[:0] if size.outlines_of_variants else own[~placement.fixed[own]]
                 _look(ground, size.look, size, surface.position, own, free)
-    rotation, scale, to_origin = _stand(ground, placement, classes, settings)
-    position = (surface.position + to_origin).astype(np.float32)
-    instances = Instances(position, rotation, scale, source)
-    return ResultPoints(instances, ground, to_origin, surface, stuck_attributes(surface))
+    stands = _stand(ground, placement, classes, settings)
+    position = (surface.position + stands.to_origin).astype(np.float32)
+    instances = Instances(position, stands.rotation, stands.scale, source)
+    return ResultPoints(instances, ground, stands.to_origin, stands.height, surface, stuck_attributes(surface))
 
 
 class _Size(NamedTuple):
@@ -200,19 +202,16 @@ def _look(ground: Ground, look: LookAt, size: _Size, position: np.ndarray, own: 
     )
 
 
-def _stand(
-    ground: Ground, placement: Placement, classes: Sequence[ScatterClass], settings: ScatterSettings
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return how all objects are turned and scaled, and the way from point to origin [m]: ``[n, 4]``, ``[n]``, ``[n, 3]``."""
+def _stand(ground: Ground, placement: Placement, classes: Sequence[ScatterClass], settings: ScatterSettings) -> Stand:
+    """Return how all objects stand."""
     count = len(placement.position)
-    rotation, to_origin = np.empty((count, 4), np.float32), np.empty((count, 3), np.float32)
-    scale = np.empty(count, np.float32)
+    stands = Stand(*(np.empty((count, *shape), np.float32) for shape in ((4,), (), (3,), (3,))))
     for number, scatter_class in enumerate(classes):
         own = np.flatnonzero(placement.class_index == number)
-        rotation[own], scale[own], to_origin[own] = stand(
-            standing_of(scatter_class, settings), ground.part(own), settings.seed
-        )
-    return rotation, scale, to_origin
+        found = stand(standing_of(scatter_class, settings), ground.part(own), settings.seed)
+        for all_values, values in zip(stands, found, strict=True):
+            all_values[own] = values
+    return stands
 
 
 def point_attributes(
@@ -232,7 +231,7 @@ def point_attributes(
         ROTATION: ("QUATERNION", instances.rotation),
         SCALE: ("FLOAT_VECTOR", np.repeat(instances.scale[:, None], 3, axis=1)),
         "class_color": ("FLOAT_COLOR", colors[placement.class_index]),
-        **ground_attributes(ground, points.to_origin),
+        **ground_attributes(ground, points.to_origin, points.height),
         **follow_attributes(points.surface, align[placement.class_index]),
         **add_pins(placement.fixed, points.instances.position),
         **points.stuck,

@@ -20,6 +20,7 @@ from .node_group import (
     EDGE,
     FACE_NORMAL,
     GROUND_POINT,
+    HEIGHT,
     ROTATION,
     ROUNDING,
     SCALE,
@@ -29,7 +30,17 @@ from .node_group import (
     Followed,
 )
 
-__all__ = ["LyingNow", "MovedWith", "StandingNow", "lying_now", "moved_with", "raised", "rotations", "standing_now"]
+__all__ = [
+    "LyingNow",
+    "MovedWith",
+    "StandingNow",
+    "heights",
+    "lying_now",
+    "moved_with",
+    "raised",
+    "rotations",
+    "standing_now",
+]
 
 # Parts of a rotation by less than this are what rounding makes [rad].
 LEAST_TURN = 1e-5
@@ -85,7 +96,7 @@ def standing_now(result: bpy.types.Object, context: bpy.types.Context) -> Standi
     mesh = result.data
     position, scale = (read_attribute(mesh, name).astype(np.float64) for name in ("position", SCALE))
     rotation = rotations(result)
-    now = moved_with(result, position, context)
+    now = moved_with(result, position, context, heights(result))
     world = matrix_of_points(result)
     return StandingNow(in_world(now.position, world), world[:3, :3] @ now.axes(rotation) * scale[:, None, :])
 
@@ -123,8 +134,24 @@ def _leant(vector: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:
     return np.where(cosine < -1.0 + 1e-9, vector * [-1.0, 1.0, -1.0], turned)
 
 
-def moved_with(result: bpy.types.Object, position: np.ndarray, context: bpy.types.Context) -> MovedWith:
-    """Return where places beside the points of a result [m], ``[n, 3]``, are now with its target, if it follows that; seen from it."""
+def heights(result: bpy.types.Object) -> np.ndarray:
+    """Return the part of the ways to origins that goes along the objects' own axes [m], ``[n, 3]``; older results have none."""
+    mesh = result.data
+    known = HEIGHT in mesh.attributes
+    return read_attribute(mesh, HEIGHT).astype(np.float64) if known else np.zeros((len(mesh.vertices), 3))
+
+
+def moved_with(
+    result: bpy.types.Object, position: np.ndarray, context: bpy.types.Context, height: np.ndarray | float = 0.0
+) -> MovedWith:
+    """Return where places beside the points of a result [m] are now with its target, if it follows that; seen from it.
+
+    Args:
+        result: The result.
+        position: The places, shape ``[n, 3]``.
+        context: Where it is looked at.
+        height: The part of the ways to them that leans as the objects do [m], shape ``[n, 3]``; the rest leans as the ground does.
+    """
     mesh = result.data
     turned = np.broadcast_to(np.eye(3), (len(position), 3, 3))
     modifier = our_modifier(result)
@@ -134,7 +161,7 @@ def moved_with(result: bpy.types.Object, position: np.ndarray, context: bpy.type
         # Of earlier versions: a target that has lost or got vertices is not followed, and then none is.
         known = all(one.rest is not None for one in followed) or all(len(one.vertices) for one in targets)
         if followed and known:
-            position, turned = _follow(mesh, position, targets)
+            position, turned = _follow(mesh, position, targets, np.broadcast_to(height, position.shape))
     return MovedWith(position, turned)
 
 
@@ -224,7 +251,9 @@ def _triangles_now(mesh: bpy.types.Mesh, number: np.ndarray, targets: list[_Targ
     return _Triangles(ground, edge, side, there)
 
 
-def _follow(mesh: bpy.types.Mesh, position: np.ndarray, targets: list[_TargetNow]) -> tuple[np.ndarray, np.ndarray]:
+def _follow(
+    mesh: bpy.types.Mesh, position: np.ndarray, targets: list[_TargetNow], height: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Move places with their triangles, and tell how objects turn with them, as the node group's part does that is called "Follow".
 
     Triangles of targets that were mirrored since are turned over; they look to the side that they looked to. What was is mirrored
@@ -245,8 +274,9 @@ def _follow(mesh: bpy.types.Mesh, position: np.ndarray, targets: list[_TargetNow
     up = np.broadcast_to(np.array(UP), edge.shape)
     upright = _frames(up, edge) @ _frames(up, edge_before).transpose(0, 2, 1)
     leaning = _part_of(upright.transpose(0, 2, 1) @ turned, read_attribute(mesh, ALIGN).astype(np.float64))
-    place = ground + np.einsum("nij,nj->ni", turned, mirror * (position - before))
     along = upright @ leaning * mirror[:, None, :]
+    place = ground + np.einsum("nij,nj->ni", turned, mirror * (position - before - height))
+    place += np.einsum("nij,nj->ni", along, height)
     # What has not moved stays to the last digit.
     keep = there & (moved | over | (np.abs(turned - np.eye(3)).max(axis=(1, 2)) > LEAST_TURN))
     return np.where(keep[:, None], place, position), np.where(keep[:, None, None], along, np.eye(3))

@@ -144,6 +144,27 @@ def test_it_bends_with_its_target_and_keeps_what_was_moved_by_hand(scattered):
     assert np.all(after[stones][:, 0, 2] < before[stones][:, 0, 2])
 
 
+@pytest.mark.parametrize("align", [0.0, 0.5, 1.0])
+def test_what_stands_on_its_lowest_point_does_so_while_the_ground_bends(align):
+    """Its origin is above the ground: what stood upright was pulled sideways by the slope, off the point that it stands on."""
+    tree = new_object("Tree", [(0.1, 0, -1), (-0.1, 0.12, -1), (-0.1, -0.12, -1), (0, 0, 1)], [(0, 1, 3), (0, 2, 1)])
+    standing = esh.Standing(align_to_normal=align, stand_on="lowest", scale_jitter=0.3)
+    asked = [esh.ScatterClass("tree", [esh.ScatterSize("t", 60, tree)], standing=standing)]
+    ground = new_object("Ground", [(0, 0, 0), (20, 0, 0), (20, 20, 0), (0, 20, 0)], [(0, 1, 2, 3)])
+    item = esh.scatter(ground, asked, device="cpu", max_steps=5).object
+    foot = matrices(item) @ (0.0, 0.0, -1.0, 1.0)
+    np.testing.assert_allclose(foot[:, 2], 0.0, atol=1e-5)
+    for vertex in ground.data.vertices:
+        vertex.co.z += 0.6 * vertex.co.x
+    ground.data.update()
+    bpy.context.view_layer.update()
+    after, told = matrices(item), standing_now(item, bpy.context)
+    foot[:, 2] = 0.6 * foot[:, 0]
+    np.testing.assert_allclose(after @ (0.0, 0.0, -1.0, 1.0), foot, atol=1e-4)
+    np.testing.assert_allclose(told.position, after[:, :3, 3], atol=1e-4)
+    np.testing.assert_allclose(told.axes, after[:, :3, :3], atol=1e-4)
+
+
 def test_it_stays_where_there_is_no_target_any_more_or_none_is_followed(scattered):
     ground, item = bpy.data.objects["Ground"], scattered.object
     before = matrices(item)

@@ -254,7 +254,7 @@ def test_a_hundred_thousand_are_turned_in_a_moment(scatter):
     mesh.vertices.add(count)
     ground = points(count)
     kinds = {"id": ("INT", ground.identity), "class_index": ("INT", np.zeros(count, np.int32))}
-    kinds |= kept_ground.ground_attributes(ground, np.zeros((count, 3), np.float32))
+    kinds |= kept_ground.ground_attributes(ground, *np.zeros((2, count, 3), np.float32))
     kinds |= {"rotation": ("QUATERNION", np.zeros((count, 4))), "scale": ("FLOAT_VECTOR", np.ones((count, 3)))}
     for name, (kind, _) in kinds.items():
         mesh.attributes.new(name, kind, "POINT")
