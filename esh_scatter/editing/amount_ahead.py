@@ -14,10 +14,10 @@ from ..targets.target import extent_of, members_of, read_triangles
 __all__ = ["area_of", "bodies_ahead", "question"]
 
 # Seconds for each body and step on two cores, and bytes for each body: measured at 100,000 to 1,000,000 discs; and what a run takes
-# at least.
+# at least, as it is said [s, GB].
 SECONDS_A_STEP = 0.8e-6
 BYTES = 1200
-SHORTEST = 0.5
+SHORTEST, SMALLEST = 1.0, 0.1
 
 
 def bodies_ahead(scatter: Any) -> int:
@@ -33,7 +33,7 @@ def question(scatter: Any, count: int) -> str:
     """Return what a run of so many bodies will take, as a sentence."""
     seconds = max(SHORTEST, _seconds_a_step(scatter) * scatter.max_steps * count)
     time = f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} min"
-    return f"{count:,} objects will take about {time} and {BYTES * count / 1e9:.1f} GB of memory"
+    return f"{count:,} objects will take about {time} and {max(SMALLEST, BYTES * count / 1e9):.1f} GB of memory"
 
 
 def _seconds_a_step(scatter: Any) -> float:
