@@ -12,15 +12,26 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from bpy_extras.view3d_utils import location_3d_to_region_2d
 
 sys.path.insert(0, str(Path(__file__).parent))
 import window_hand as hand
 import window_steps as steps
+from window_scene import (
+    LONGEST_RUN,
+    ask_for,
+    begin,
+    fill_in,
+    idle,
+    instances,
+    on_screen,
+    positions,
+    scatter,
+    update,
+    values,
+)
 from window_steps import answer, take_screenshot
 
-LONGEST_RUN, LONGEST_WALK = 60.0, 200.0
-SIDE = 20.0
+LONGEST_WALK = 200.0
 PRESET = "Mushroom Clusters"
 # Where the fields of the panel of the last operation are, from the mouse that it is opened below, and how far apart [pixels].
 LAST_ACROSS, LAST_DOWN, LINE = 209, 51, 22
@@ -28,97 +39,10 @@ LAST_ACROSS, LAST_DOWN, LINE = 209, 51, 22
 CHECKBOXES, EYES, BESIDE = 0.54, 0.61, 0.825
 # Where File is on the screen.
 FILE_MENU = (37, 15)
-OBJECTS = {
-    "Pine": ("cone", (0.4, 0.4, 0.9), (0.07, 0.22, 0.13)),
-    "Beech": ("ico_sphere", (0.4, 0.4, 0.6), (0.36, 0.46, 0.14)),
-    "Log": ("cube", (0.8, 0.1, 0.1), (0.33, 0.19, 0.09)),
-}
-
-
-def scatter():
-    return bpy.context.scene.esh_scatter.active
-
-
-def fill_in():
-    bpy.context.preferences.view.filebrowser_display_type = "SCREEN"
-    with steps.window_context():
-        steps.show_tab()
-        for item in list(bpy.data.objects):
-            bpy.data.objects.remove(item)
-        made = [_made("Ground", "grid", (0.0, 0.0, 0.0), (SIDE / 2, SIDE / 2, 1.0), (0.42, 0.40, 0.30))]
-        for name, (shape, scale, color) in OBJECTS.items():
-            made.append(_made(name, shape, (0.0, 0.0, -10.0), scale, color))
-        _made("Pebble", "ico_sphere", (-12.0, 0.0, 0.0), (0.3, 0.3, 0.2), (0.62, 0.60, 0.56))
-        _made("Rock", "cube", (0.0, 0.0, 1.0), (2.0, 2.0, 1.0), (0.35, 0.35, 0.38))
-        for item in bpy.context.scene.objects:
-            item.select_set(item in made)
-        bpy.context.view_layer.objects.active = made[0]
-        bpy.ops.view3d.view_axis(type="TOP")
-        bpy.context.space_data.region_3d.view_distance = 32.0
-        bpy.context.space_data.overlay.show_floor = False
-        bpy.ops.ed.undo_push(message="Filled in")
-    hand.watch_panels()
-
-
-def _made(name, shape, place, scale, color):
-    getattr(bpy.ops.mesh, f"primitive_{shape}_add")(location=place)
-    item = bpy.context.object
-    item.name, item.scale = name, scale
-    item.data.materials.append(bpy.data.materials.new(name))
-    item.data.materials[0].diffuse_color = (*color, 1.0)
-    return item
-
-
-def on_screen(place):
-    """Where on the screen a place in the scene is."""
-    _, area, region = steps.view()
-    return steps.on_screen(*location_3d_to_region_2d(region, area.spaces.active.region_3d, place))
-
-
-def positions():
-    mesh = scatter().result.data
-    place = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.attributes["position"].data.foreach_get("vector", place)
-    return place.reshape(-1, 3)
-
-
-def values(name):
-    mesh = scatter().result.data
-    found = np.empty(len(mesh.vertices), np.int32)
-    mesh.attributes[name].data.foreach_get("value", found)
-    return found
 
 
 def by_id(number):
     return positions()[values("id") == number][0]
-
-
-def instances():
-    return sum(1 for one in bpy.context.evaluated_depsgraph_get().object_instances if one.is_instance)
-
-
-def idle():
-    """Whether no run is going on."""
-    running = next(module for name, module in sys.modules.items() if name.endswith("esh_scatter.solving.running"))
-    return running.session is None
-
-
-def update():
-    """Click on Update, and wait for the result."""
-    before = scatter().report_json if scatter() else ""
-    yield from hand.press("esh.scatter(")
-    yield from hand.until(lambda: idle() and scatter().report_json not in ("", before), LONGEST_RUN, "the run")
-    yield 1.0
-
-
-def begin():
-    yield from hand.press("esh.scatter_selection")
-    yield from hand.until(lambda: scatter() and scatter().result and idle(), LONGEST_RUN, "the first run")
-    yield 1.0
-    answer["begun"] = {one.name: one.count for one in scatter().classes}
-    for name in ("ESH_PT_class", "ESH_PT_classes"):
-        yield from hand.turn_panel(name, is_open=False)
-    take_screenshot("hand-1-begun.png")
 
 
 def obstacles():
@@ -241,7 +165,7 @@ def real_objects():
     yield from hand.write("0.5")
     yield from hand.keys("Return")
     # A menu has no command of its own: it is below the two lines that say what is the case, as is said above the panel since then.
-    x, y = on_panel(top, 5.8)
+    x, y = hand.on_panel(top, 5.8)
     yield from hand.click((x, y))
     take_screenshot("hand-11-back-menu.png")
     yield from hand.keys("k")
@@ -250,12 +174,6 @@ def real_objects():
     answer["at_moved"] = float(np.linalg.norm(positions() - np.array([place.x + 0.5, place.y, place.z]), axis=1).min())
     take_screenshot("hand-12-back.png")
     yield from hand.turn_panel("ESH_PT_instances", is_open=False)
-
-
-def on_panel(top, lines):
-    """A place so many lines below the header of a panel."""
-    window, _, region = hand._sidebar()
-    return round(region.x + 0.6 * region.width), window.height - region.y - region.height + top + round(23 * lines)
 
 
 def ends():
@@ -333,16 +251,6 @@ def overlaps():
     yield from hand.keys("Tab", "Home")
     yield 0.5
     answer["selected_points"] = int(sum(one.select for one in scatter().result.data.vertices))
-
-
-def ask_for(count):
-    """Type the count of the active class."""
-    top = yield from hand.turn_panel("ESH_PT_class")
-    yield from hand.press("sizes[0].count", first=top, times=2)
-    yield from hand.keys("ctrl+a")
-    yield from hand.write(count)
-    yield from hand.keys("Return")
-    yield from hand.turn_panel("ESH_PT_class", is_open=False)
 
 
 def scaled_to_fit():
@@ -477,24 +385,24 @@ def exported():
     yield from _choose_export()
     take_screenshot("hand-33-export.png")
     answer["offered"] = bpy.context.window_manager.windows[0].screen.areas[0].spaces.active.params.filename
-    yield from _name_file("forest.glb")
+    yield from hand.name_file("forest.glb")
     take_screenshot("hand-34-named.png")
-    yield from _confirm()
+    yield from hand.confirm()
     answer["exported"] = (steps.FOLDER / "forest.glb").stat().st_size
     take_screenshot("hand-35-exported.png")
     yield from _choose_export()
-    yield from _name_file("forest.usdc")
-    yield from _confirm()
+    yield from hand.name_file("forest.usdc")
+    yield from hand.confirm()
     answer["usd"] = bpy.app.build_options.usd, (steps.FOLDER / "forest.usdc").exists()
     take_screenshot("hand-36-usd.png")
     # Blender's own exporter says that it leaves the scatter out, and keeps it where that is switched on.
     with steps.window_context():
         bpy.ops.export_scene.gltf("INVOKE_DEFAULT")
-    yield from hand.until(_file_dialog, 10.0, "the file dialog")
+    yield from hand.until(hand.file_dialog, 10.0, "the file dialog")
     yield 1.0
     take_screenshot("hand-37-note.png")
-    yield from _name_file("plain.glb")
-    yield from _confirm()
+    yield from hand.name_file("plain.glb")
+    yield from hand.confirm()
     content = (steps.FOLDER / "plain.glb").read_bytes()
     answer["nodes"] = len(json.loads(content[20 : 20 + int.from_bytes(content[12:16], "little")])["nodes"])
 
@@ -506,35 +414,8 @@ def _choose_export():
     yield 0.5
     take_screenshot("hand-33-menu.png")
     yield from hand.keys("Up", "Return")
-    yield from hand.until(_file_dialog, 10.0, "the file dialog")
+    yield from hand.until(hand.file_dialog, 10.0, "the file dialog")
     yield 1.0
-
-
-def _file_dialog():
-    return next((one for one in bpy.context.window_manager.windows[0].screen.areas if one.type == "FILE_BROWSER"), None)
-
-
-def _name_file(name):
-    """Type a name into the field at the lower edge of the dialog."""
-    yield from hand.click(_in_dialog("EXECUTE", 0.4))
-    yield from hand.keys("ctrl+a")
-    yield from hand.write(name)
-    yield from hand.keys("Return")
-    yield 1.0
-
-
-def _confirm():
-    """Click on the button beside the name."""
-    yield from hand.click(_in_dialog("EXECUTE", 0.95))
-    yield from hand.until(lambda: not _file_dialog(), 20.0, "the export")
-    yield 1.0
-
-
-def _in_dialog(name, across):
-    """A place halfway up a region of the dialog."""
-    window = bpy.context.window_manager.windows[0]
-    region = next(one for one in _file_dialog().regions if one.type == name)
-    return round(region.x + across * region.width), window.height - region.y - region.height // 2
 
 
 def classes():
@@ -618,7 +499,7 @@ def _add_layer(top, key, picture):
         yield from hand.click((round(region.x + BESIDE * region.width), y - LINE))
     else:
         # It is below the line that says that there is none.
-        x, y = on_panel(top, 2.0)
+        x, y = hand.on_panel(top, 2.0)
         yield from hand.click((x - 100, y))
     take_screenshot(picture)
     yield from hand.keys(key)

@@ -37,7 +37,7 @@ _installed: set[Path] = set()
 def driven(name: str, package: Path, folder: Path, *arguments: str, seconds: float = 600.0) -> dict:
     """Have a script drive a window, and return what it says; its pictures are kept where ``BLENDER_SCREENSHOTS`` says."""
     # A Blender of another file system root still sees temporary folders.
-    for script in (name, "window_hand.py", "window_steps.py"):
+    for script in (name, "window_hand.py", "window_scene.py", "window_steps.py"):
         shutil.copy(Path(__file__).with_name(script), folder)
     asked = "-" if package in _installed else package
     command = [BLENDER, "--factory-startup", "--python", folder / name, "--", asked, folder, *arguments]
@@ -187,6 +187,83 @@ def test_what_is_painted_is_scattered_by_the_button(package: Path, tmp_path: Pat
     assert answer["painting"] == "PAINT_TEXTURE" and answer["painting_after"] == ["PAINT_TEXTURE", True]
     off, own = answer["off_stroke"]
     assert off < 0.2 * own, "they stand on what was painted"
+
+
+def test_an_artist_changes_things_and_is_followed(package: Path, tmp_path: Path):
+    answer = driven("change_driver.py", package, tmp_path, "following")
+    if not answer["mouse"]:
+        pytest.skip("nothing moves the mouse: xdotool is missing")
+    everything = sum(answer["begun"].values())
+    upright, long = answer["off_ground"]
+    assert answer["highest"] > 2.5 and answer["missed"] == 0
+    assert upright < 1e-3 and long < 0.1, "what stands on the ground rises with it, wherever that is now"
+    assert answer["bent_changes"] == ["shape or place of the target"]
+    assert answer["flat_again"] == [pytest.approx(0.0, abs=1e-5), []]
+    objects, bounds, points = (answer["display"][key] for key in "obp")
+    assert objects[0] == everything and objects[1] > 8 and bounds == [everything, 8, 0] and points == [0, 0, everything]
+    seen, expected, shown, of_all = answer["culled"]
+    assert 0 < seen == expected == shown < of_all == everything
+    assert answer["whole_again"] == [True, []]
+    assert answer["live"] == [True, 0, everything]
+    # What is in the rock's way makes room while it is still held, and what was in it comes back.
+    still_held, placed, before = answer["while_moved"]
+    assert answer["moving"] and still_held and placed == everything and before > 0
+    place, on_rock, where_it_was, placed = answer["moved"]
+    assert place == pytest.approx([5.0, 5.0], abs=0.2) and on_rock == 0 < where_it_was and placed == everything
+    assert answer["moved_report"] == [0, [], ""]
+    assert answer["move_undone"][0] > 0 and answer["move_redone"][0] > 0
+    assert answer["move_undone"][1] == answer["move_redone"][1] == everything
+    placed, count = answer["while_dragged"]
+    assert placed == count > answer["begun"]["Beech"], "objects come while the count is dragged"
+    assert answer["dragged"] == [0, [], 0] and answer["drag_undone"]
+
+
+def test_an_artist_answers_questions_and_goes_back(package: Path, tmp_path: Path):
+    answer = driven("change_driver.py", package, tmp_path, "answering")
+    if not answer["mouse"]:
+        pytest.skip("nothing moves the mouse: xdotool is missing")
+    everything = sum(answer["begun"].values())
+    apart = [[1.0, 1.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 1.0]]
+    assert answer["may_overlap"] == [apart, ["may overlap of Beech"], None, True]
+    before, after = answer["on_one_another"]
+    assert before == 0 < after and answer["overlap_report"] == [0, [], everything]
+    # A run that was ended early is one step of undo as any other.
+    placed_before, placed, steps, of_steps, changes = answer["kept"]
+    assert placed_before == everything < placed == everything - answer["begun"]["Beech"] + 4000
+    assert steps < of_steps and changes == []
+    assert answer["keep_undone"] == [True, True, everything, ["count of Beech"]]
+    assert answer["keep_redone"] == [True, True, placed, []]
+    assert answer["count_undone"] == [answer["begun"]["Beech"], []]
+    assert answer["refused_many"] == [100, True, True] and answer["many"] == [everything, []]
+    assert answer["many_undone"] == [1_000_000, True]
+    assert answer["asked_about"] == "1 moved or pinned object of Log will be lost"
+    assert answer["refused"] == [True, True, True]
+    assert answer["lost"] == [[0, 1], everything - answer["begun"]["Log"], []] and answer["back"] == 0.0
+
+
+def test_an_artist_brings_assets_presets_and_scatters_along(package: Path, tmp_path: Path):
+    answer = driven("bring_driver.py", package, tmp_path)
+    if not answer["mouse"]:
+        pytest.skip("nothing moves the mouse: xdotool is missing")
+    asked, begun = [list(one) for one in answer["begun"].items()], answer["begun"]
+    everything = sum(begun.values())
+    assert answer["dropped"] == ["Pebble", ["object of Beech"], 0]
+    assert answer["placed"] == [begun["Beech"], begun["Beech"], []]
+    assert answer["exported"] == answer["written"] == asked
+    assert answer["opened"] == [True, True, []], "a file that is opened again has what was placed, and places the same"
+    # Each goes on by itself: what was copied stays as it is, and so does the scene.
+    assert answer["copied"] == ["Ground Scatter", "Ground Scatter.001", "Ground Scatter.001", 2]
+    assert answer["copy_updated"] == [everything - begun["Beech"] + 20, everything, 0, []]
+    assert answer["first_kept"] == [True, []] and answer["nearest_of_first"] > 0.1
+    assert answer["scenes"] == [True, []] and answer["scene_copied"] == [True, True, True, True]
+    # Into a file that has none.
+    assert answer["without"] and answer["imported"] == ["Ground", asked, list(begun)]
+    assert answer["import_placed"] == [list(begun.values()), 0]
+    assert answer["picked"] == ["Ground Scatter", "Ground Scatter"]
+    assert answer["appended"] == ["Ground.001", everything, everything, None]
+    left = everything - begun["Beech"] + 25
+    assert answer["appended_updated"] == [left, left, []]
+    assert answer["appended_classes"] == [25, begun["Log"], begun["Pine"]]
 
 
 def test_a_preset_that_is_dragged_onto_the_ground_is_scattered_there(package: Path, tmp_path: Path):

@@ -6,6 +6,7 @@ mouse is moved over the sidebar until it is the one wanted. Everything that take
 
 import subprocess
 import time
+from contextlib import contextmanager
 
 import bpy
 import window_steps as steps
@@ -85,6 +86,12 @@ def move(place):
     yield SURE
 
 
+def nudge(x, y):
+    """Move the mouse by some pixels: while a number is dragged, Blender hides it, and puts it elsewhere."""
+    _do("mousemove_relative", "--", x, y)
+    yield SURE
+
+
 def click(place, *modifiers, times=1):
     """Click with the mouse on a place on the screen."""
     _do("mousemove", *place)
@@ -97,6 +104,18 @@ def click(place, *modifiers, times=1):
         yield SURE
         _do("keyup", name)
     yield CLICK
+
+
+@contextmanager
+def held(place):
+    """Hold the mouse down, from a place on the screen on, while what is in the block goes on."""
+    _do("mousemove", *place)
+    time.sleep(HOVER)
+    _do("mousedown", 1)
+    try:
+        yield
+    finally:
+        _do("mouseup", 1)
 
 
 def _sidebar():
@@ -197,3 +216,36 @@ def turn_panel(name, is_open=True, first=120):
         if now != before:
             yield from click((x, y))
     raise LookupError(f"no panel {name}; open are {sorted(before)}")
+
+
+def on_panel(top, lines):
+    """A place so many lines below the header of a panel."""
+    window, _, region = _sidebar()
+    return round(region.x + 0.6 * region.width), window.height - region.y - region.height + top + round(23 * lines)
+
+
+def file_dialog():
+    return next((one for one in bpy.context.window_manager.windows[0].screen.areas if one.ui_type == "FILES"), None)
+
+
+def name_file(name):
+    """Type a name into the field at the lower edge of the dialog."""
+    yield from click(_in_dialog("EXECUTE", 0.4))
+    yield from keys("ctrl+a")
+    yield from write(name)
+    yield from keys("Return")
+    yield 1.0
+
+
+def confirm():
+    """Click on the button beside the name."""
+    yield from click(_in_dialog("EXECUTE", 0.95))
+    yield from until(lambda: not file_dialog(), 20.0, "the export")
+    yield 1.0
+
+
+def _in_dialog(name, across):
+    """A place halfway up a region of the dialog."""
+    window = bpy.context.window_manager.windows[0]
+    region = next(one for one in file_dialog().regions if one.type == name)
+    return round(region.x + across * region.width), window.height - region.y - region.height // 2

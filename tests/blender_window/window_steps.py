@@ -128,4 +128,5 @@ def run(steps):
             return None
         return wait if steps else None
 
-    bpy.app.timers.register(next_step, first_interval=2.0)
+    # Another file may be opened meanwhile.
+    bpy.app.timers.register(next_step, first_interval=2.0, persistent=True)
