@@ -154,14 +154,16 @@ def _scatters_on(mesh: bpy.types.Mesh) -> list[Any]:
 
 
 def unsaved_images(scatter: Any) -> list[bpy.types.Image]:
-    """Return the images that densities of a scatter follow and that were painted since they were saved."""
-    images = {layer.image for c in scatter.classes for layer in c.layers if layer.kind == "IMAGE" and layer.image}
+    """Return the images that a scatter follows, in densities or as flow, and that were painted since they were saved."""
+    images = {layer.image for c in scatter.classes for layer in c.layers if layer.kind == "IMAGE"}
+    images |= {c.direction_image for c in scatter.classes if c.direction_kind == "IMAGE"}
+    images.discard(None)
     return sorted((image for image in images if image.is_dirty and image.is_editable), key=lambda image: image.name)
 
 
 @persistent
 def pack_painted_images(*_arguments: object) -> None:
-    """Pack the images that densities follow where they would be lost otherwise; Blender calls it before a file is saved."""
+    """Pack the images that scatters follow where they would be lost otherwise; Blender calls it before a file is saved."""
     for scene in bpy.data.scenes:
         for scatter in scene.esh_scatter.scatters:
             for image in unsaved_images(scatter):

@@ -13,8 +13,8 @@ from ...engine.problem.validation import show
 from ..classes.name_lists import joined_names
 from ..classes.stand_ins import stand_in
 from ..densities.density_curve import curve_node
+from ..properties.amount_ahead import area_of
 from ..targets.target import extent_of, members_of
-from .amount_ahead import area_of
 from .beside_others import fit_beside_others, free_share
 from .families import as_placed, heads_in
 from .selection import measure

@@ -15,7 +15,6 @@ from bpy.props import BoolProperty, FloatProperty, IntProperty
 from ...engine.errors import EshError
 from ...engine.problem.scatter_settings import ScatterSettings, TargetSettings
 from ...engine.problem.settings import settings_of
-from ..editing.amount_ahead import bodies_ahead, question
 from ..editing.beside_others import fit_beside_others, free_share
 from ..editing.forecast import scale_counts
 from ..editing.left_out import nothing_left, told
@@ -57,8 +56,7 @@ def before_a_run(context: bpy.types.Context, settings: ESH_PG_scatter) -> tuple[
             "Scatter Beside the Real Objects?",
             "They stay as they are, without the scatter. To keep their changes in it, click Back to Instances first",
         )
-    count = bodies_ahead(settings)
-    many = question(settings, count) if count >= settings.cap else ""
+    many = settings.too_many()
     if lost := settings.lost_by_hand(context.scene):
         # Whoever says yes is not asked again.
         return "Scatter Without What Was Placed by Hand?", f"{lost}. {many}" if many else lost
@@ -82,6 +80,11 @@ class _Run(bpy.types.Operator):
 
         settings = self._settings(context)
         if settings is None:
+            return {"CANCELLED"}
+        if self.options.is_repeat and not self.asked and (many := settings.too_many()):
+            # From the panel of the last operation nobody can be asked.
+            self.report({"ERROR"}, f"{many}. Lower the amount here, or set the count and click Scatter")
+            self._undo(context)
             return {"CANCELLED"}
         window_manager = context.window_manager
         window_manager.progress_begin(0, settings.max_steps)

@@ -20,6 +20,7 @@ from ..result import words
 from ..targets import checksums
 from ..targets.target import RESULT_TARGET
 from . import settings_record
+from .amount_ahead import bodies_ahead, question
 from .asked_once import asked_once
 from .body_class import CLASS_COLORS, ESH_PG_class
 from .deleted import in_a_scene
@@ -318,6 +319,19 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         result = self.result_in(scene)
         now = {body_class.uid: number for number, body_class in enumerate(self.ready_classes())}
         return [now.get(uid) for uid in result.data.get(CLASSES_OF_POINTS, ())] if result is not None else []
+
+    def too_many(self, granted: int = 0) -> str:
+        """Return, as a sentence, what the next run takes if it is to be asked about first; empty where it is not.
+
+        Args:
+            granted: As many as that need no asking.
+        """
+        count = self.bodies_ahead()
+        return question(self, count) if count >= self.cap and count > granted else ""
+
+    def bodies_ahead(self) -> int:
+        """Return how many objects the next run will place, about."""
+        return bodies_ahead(self)
 
     def lost_by_hand(self, scene: bpy.types.Scene) -> str:
         """Return, as a sentence, which objects were moved or pinned that the next run does not keep; empty where there are none.

@@ -7,6 +7,7 @@ import bpy
 from .. import operators
 from ..editing.painting import PAINTED_IN
 from ..editing.preset_files import built_in_presets
+from ..operators.edit import MoveEntry
 from ..properties.layer import KINDS
 from ..properties.scene import active_scatter
 from . import preset_pictures
@@ -17,11 +18,8 @@ __all__ = ["CLASSES", "attach", "detach"]
 # What is no entry of the Object menu: it needs to be told which class or scatter.
 _ELSEWHERE = {
     "esh.class_overlap",
+    # In menus of their own: those of the scatters and of the presets.
     "esh.scatter_choose",
-    "esh.class_move",
-    "esh.size_move",
-    "esh.layer_move",
-    # In the menu of the presets.
     "esh.preset_apply",
     "esh.preset_import",
     "esh.preset_export",
@@ -150,9 +148,14 @@ class ESH_MT_object(bpy.types.Menu):
             if cls.bl_idname == "esh.scatter" and updates:
                 # F3 finds it by the name that its button has.
                 layout.operator(cls.bl_idname, text="Update Scatter")
+            elif issubclass(cls, MoveEntry):
+                for direction in ("UP", "DOWN"):
+                    layout.operator(cls.bl_idname, text=f"{cls.bl_label} {direction.title()}").direction = direction
             elif cls.bl_idname not in _ELSEWHERE:
                 layout.operator(cls.bl_idname)
         layout.separator()
+        if scatter is not None:
+            layout.menu("ESH_MT_scatters")
         layout.menu("ESH_MT_presets", icon="PRESET")
 
 

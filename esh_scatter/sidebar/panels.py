@@ -16,6 +16,7 @@ from ..properties.scatter import BY_HAND, ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import real_objects, words
 from ..result.display import followed_targets, get_inputs, input_property, is_in_world, our_modifier
+from ..result.following import bends_alone_in_renders
 from ..result.local_views import is_left_out
 from ..result.node_group import target_inputs
 from ..result.refused import NOT_SEEN
@@ -113,6 +114,8 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
             _draw_real(context, layout.column(align=True), "The instances are real objects now")
         elif result is not None and is_left_out(result, context):
             write_text(context, layout, "The result is not in this local view; View > Local View ends it", icon="INFO")
+        elif result is not None:
+            _draw_bending(context, layout, result)
         _draw_foreign(context, layout.column())
         if checksums.is_old():
             running.redraw_later()
@@ -321,6 +324,17 @@ def _draw_foreign(context: bpy.types.Context, column: bpy.types.UILayout) -> Non
     column.separator()
 
 
+def _draw_bending(context: bpy.types.Context, layout: bpy.types.UILayout, result: bpy.types.Object) -> None:
+    """Say of a target that bends, but in renders without what stands on it, what to do about that."""
+    modifier = our_modifier(result)
+    if modifier is None or not get_inputs(modifier).get("Follow"):
+        return
+    for one in followed_targets(modifier):
+        if one.target is not None and bends_alone_in_renders(one.target):
+            said = f'In renders "{one.target.name}" bends without its objects, since it is subdivided to another level there'
+            write_text(context, layout.column(), f"{said}. Give both levels the same number", icon="INFO")
+
+
 def _draw_copy(
     context: bpy.types.Context, column: bpy.types.UILayout, item: bpy.types.Object, scatter: ESH_PG_scatter
 ) -> None:
@@ -394,6 +408,7 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
             write_text(context, column, text, icon="ERROR" if words.has_trouble(report) else "CHECKMARK")
             if report.get(words.HELD):
                 write_text(context, column, report[words.HELD], icon="INFO")
+            _draw_deleted(context, column, scatter, words.placed(report))
     said = live.status(context.scene, scatter)
     if said and context.mode.startswith("PAINT"):
         # Before the first stroke there is nothing yet, and that is no mistake.
@@ -409,6 +424,17 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
         write_text(context, column, f"{left_out[0]}{more}", icon="ERROR")
     if muted := scatter.muted():
         write_text(context, column, muted, icon="MUTE_IPO_ON")
+
+
+def _draw_deleted(context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter, placed: int) -> None:
+    """Say of points that were deleted by Blender's own means, of as many as were placed, what becomes of them."""
+    mesh = scatter.result.data
+    gone = placed - len(mesh.vertices) if isinstance(mesh, bpy.types.Mesh) else 0
+    if gone > 0:
+        what = (
+            f"{gone:,} objects were deleted: Update puts them" if gone > 1 else "1 object was deleted: Update puts it"
+        )
+        write_text(context, column, f"{what} back. Remove (Instances) keeps places free", icon="INFO")
 
 
 def _draw_real(context: bpy.types.Context, column: bpy.types.UILayout, said: str) -> None:

@@ -85,6 +85,8 @@ class _Live:
         self._parts = 0
         self._looked = 0.0
         self._reading = 0.0
+        # As many objects may be placed unasked as the button has placed.
+        self._granted = 0
         self._waiting: Outcome | None = None
         # What was written last, and a checksum of the points then: undo may have put others in their place.
         self._shown: ScatterJob | None = None
@@ -222,6 +224,8 @@ class _Live:
         if lost := scatter.lost_by_hand(context.scene):
             self._say(f"{lost}: Live waits. Click Update to go on without them")
             return
+        if self._exceeds_cap(scatter, result):
+            return
         if self._told is not None and scatter.turned_to_what_moved(self._record, record):
             self._told, self._record = made_with, record
             self._points = _points_of(scatter.result)
@@ -264,6 +268,20 @@ class _Live:
         stroke = self._part_of_stroke(goes_on)
         self._parts = self._parts + 1 if goes_on and not (first or anew) else 0
         self._ask(Request(job, anew, start_at, before, few_steps, ready_only, back_to, again, stroke))
+
+    def _exceeds_cap(self, scatter: Scatter, result: bpy.types.Object | None) -> bool:
+        """Tell whether more objects are asked for than are placed unasked, and than the button has placed, and say so."""
+        try:
+            many = scatter.too_many(self._granted)
+        except EshError:
+            # Whoever solves it says what is wrong with its target.
+            return False
+        if many and result is not None and not scatter.outdated:
+            self._granted = scatter.bodies_ahead()
+        elif many:
+            self._say(f"{many}: Live waits. Click Update to place them")
+            return True
+        return False
 
     def _part_of_stroke(self, goes_on: bool) -> Stroke | None:
         """Return which part of a stroke the next request follows; None for none."""

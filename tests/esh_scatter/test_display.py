@@ -5,8 +5,8 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter import registration  # noqa: E402
-from esh.esh_scatter.editing.amount_ahead import bodies_ahead, question  # noqa: E402
 from esh.esh_scatter.operators.run import ESH_OT_scatter  # noqa: E402
+from esh.esh_scatter.properties.amount_ahead import bodies_ahead, question  # noqa: E402
 from esh.esh_scatter.result.display import get_inputs, our_modifier, set_inputs  # noqa: E402
 
 

@@ -384,6 +384,34 @@ def test_what_was_placed_by_hand_is_not_lost_without_being_asked(scatter, follow
     assert len(points()) == 200 and live.status(bpy.context.scene, scatter) == ""
 
 
+def test_more_than_the_cap_are_not_placed_without_being_asked(scatter, follow):
+    """A count that was dragged too far, or a distance without its zero, began to place millions."""
+    scatter.cap = 500
+    before = switch_on(scatter, follow)
+    pine = scatter.classes["Pine"]
+    pine.sizes[0].count = 800
+    follow()
+    assert live.status(bpy.context.scene, scatter) == (
+        "1,000 objects will take about 1 s and 0.1 GB of memory: Live waits. Click Update to place them"
+    )
+    assert points().keys() == before.keys()
+    pine.sizes[0].count = 200
+    follow()
+    assert live.status(bpy.context.scene, scatter) == "" and not active().outdated
+    pine.count_kind, pine.distance = "DISTANCE", 0.05
+    follow()
+    assert "Live waits" in live.status(bpy.context.scene, scatter) and len(points()) == 400
+    # Whoever has placed them once is not asked about as many.
+    pine.count_kind, pine.sizes[0].count = "SIZES", 800
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    follow()
+    paint(0.0, 16)
+    pine.sizes[0].count = 790
+    follow()
+    assert live.status(bpy.context.scene, scatter) == "" and len(points()) == 990
+    assert min(place[0] for place in points("Pine").values()) > -10.6
+
+
 def test_two_scatters_on_one_target_follow_a_stroke(scatter, under_way, follow):
     """Blender crashed, as one's thread worked while it was read for the other."""
     bpy.ops.esh.scatter()

@@ -85,9 +85,16 @@ def test_painted_images_are_packed_when_the_file_is_saved(scatter, tmp_path):
     assert unsaved_images(scatter) == [image]
     layer.kind = "NOISE"
     assert unsaved_images(scatter) == []
-    layer.kind = "IMAGE"
+    # Flow is lost as densities are.
+    flow = bpy.data.images.new("flow", 8, 8, is_data=True)
+    flow.pixels[0] = 0.5
+    flow.update()
+    scatter.active_class.direction_image = flow
+    assert unsaved_images(scatter) == []
+    scatter.active_class.direction_kind, layer.kind = "IMAGE", "IMAGE"
+    assert unsaved_images(scatter) == [flow, image]
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "painted.blend"))
-    assert unsaved_images(scatter) == [] and not unrelated.packed_file
+    assert unsaved_images(scatter) == [] and not unrelated.packed_file and flow.packed_file
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "painted.blend"))
     image = bpy.context.scene.esh_scatter.active.active_class.layers[0].image
     assert image.pixels[0] == pytest.approx(0.5, abs=0.01)

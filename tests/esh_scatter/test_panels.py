@@ -8,6 +8,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+import bmesh  # noqa: E402
 from esh.engine.errors import ProblemError  # noqa: E402
 from esh.engine.problem.body_class import ClassSettings  # noqa: E402
 from esh.engine.problem.cover import Cover  # noqa: E402
@@ -389,15 +390,11 @@ def test_classes_have_their_current_names_in_the_report():
 
 
 def test_every_operator_is_in_the_object_menu():
+    ready_scatter()
     drawn: list[str] = []
     Layout(drawn).menu("ESH_MT_object")
-    by_hand = {
-        "esh.class_overlap",
-        "esh.scatter_choose",
-        "esh.class_move",
-        "esh.size_move",
-        "esh.layer_move",
-    }
+    # A checkbox for each pair of classes.
+    by_hand = {"esh.class_overlap"}
     of_assets: list[str] = []
     Layout(of_assets).menu("ESH_MT_assets")
     by_hand |= set(of_assets)
@@ -620,6 +617,62 @@ def test_of_a_result_without_a_scatter_it_is_said_where_its_settings_are(tmp_pat
         bpy.context.view_layer.objects.active = wanted.objects[0]
         assert told() and "esh.scatter_selection" in draw_all()
         bpy.context.view_layer.objects.active = None
+
+
+def test_of_points_that_were_deleted_it_is_said_that_they_come_back():
+    """Blender's own Delete leaves no trace but that they are fewer."""
+    scatter = ready_scatter()
+    scatter.device, scatter.max_steps, scatter.avoid_overlap = "CPU", 5, False
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    result = scatter.result
+
+    def told():
+        return [text for text in draw_all(2000) if "deleted" in text]
+
+    def delete(*points):
+        made = bmesh.new()
+        made.from_mesh(result.data)
+        made.verts.ensure_lookup_table()
+        bmesh.ops.delete(made, geom=[made.verts[point] for point in points], context="VERTS")
+        made.to_mesh(result.data)
+        made.free()
+
+    assert not told()
+    delete(3)
+    assert told() == ["1 object was deleted: Update puts it back. Remove (Instances) keeps places free"]
+    delete(1, 2)
+    assert told() == ["3 objects were deleted: Update puts them back. Remove (Instances) keeps places free"]
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    assert not told()
+
+
+def test_of_a_target_that_bends_without_its_objects_in_renders_it_is_said():
+    """They stayed in the air in the picture, and followed in the viewport."""
+    scatter = ready_scatter()
+    scatter.device, scatter.max_steps, scatter.avoid_overlap = "CPU", 5, False
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    ground = scatter.target
+
+    def told():
+        return [text for text in draw_all(2000) if "bends without its objects" in text]
+
+    divided = ground.modifiers.new("Subdivision", "SUBSURF")
+    assert (divided.levels, divided.render_levels) == (1, 2) and not told(), "what does not bend is where it was"
+    ground.shape_key_add(name="Basis")
+    assert told() == [
+        f'In renders "{ground.name}" bends without its objects, since it is subdivided to another level there. '
+        "Give both levels the same number"
+    ]
+    divided.render_levels = 1
+    assert not told()
+    divided.show_viewport = False
+    assert told()
+    set_inputs(our_modifier(scatter.result), {"Follow": False})
+    assert not told()
+    ground.shape_key_clear()
+    ground.modifiers.new("Wave", "WAVE")
+    set_inputs(our_modifier(scatter.result), {"Follow": True})
+    assert told()
 
 
 def test_of_a_copy_of_a_result_it_is_said_whose_it_is_and_it_can_be_moved():

@@ -6,7 +6,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
-from esh.esh_scatter.editing.amount_ahead import bodies_ahead  # noqa: E402
+from esh.esh_scatter.properties.amount_ahead import bodies_ahead  # noqa: E402
 from esh.esh_scatter.result.kept_ground import read_attribute  # noqa: E402
 
 

@@ -8,8 +8,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..properties.body_class import DERIVED_COUNTS
 from ..targets.target import extent_of, members_of, read_triangles
+from .body_class import DERIVED_COUNTS
 
 __all__ = ["area_of", "bodies_ahead", "question"]
 
