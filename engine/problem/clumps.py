@@ -28,6 +28,7 @@ __all__ = [
     "memory_of_clumps",
     "occupied",
     "pushed_out_at",
+    "share_at_large",
     "with_clumps",
 ]
 
@@ -52,6 +53,9 @@ TIMES, FEWEST_TIMES = 24, 6
 # Bodies push each other out of where they are crowded: their density is what they follow less so many times the Laplacian of its
 # logarithm, per area. Over clumps that sums up to half of the error at large, and is made up for. Measured at these regularities.
 REGULARITIES, PUSHED_OUT = (0.0, 0.3, 0.6, 1.0), (0.0024, 0.0056, 0.0113, 0.023)
+# Where a density has room for few clumps, patches of it are as large as they are, and to keep both takes half of the clumps away. So
+# nothing of this is done where there is room for the first number of them, and all of it from the second on.
+LITTLE_ROOM, MUCH_ROOM = 7.0, 14.0
 PIXELS_IN_ALL = 24 * 2**20
 LONG_SIDE = 1024
 # Mean square of the factor on a density, less 1, at these strengths.
@@ -84,7 +88,8 @@ def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int
     pixel = (domain.size[1] / shape[0], domain.size[0] / shape[1])
     pushed_out = pushed_out_at(regularity) / max(body_class.body_count, 1) * float(fine.sum()) * pixel[0] * pixel[1]
     factor *= fine
-    clumped = as_dense_at_large(fine, factor, WAVELENGTH * size, pixel, domain.periodic, pushed_out)
+    share = share_at_large(fine, pixel, size)
+    clumped = as_dense_at_large(fine, factor, WAVELENGTH * size, pixel, domain.periodic, share, pushed_out)
     return replace(body_class, density_image=clumped.astype(np.float32))
 
 
@@ -112,6 +117,18 @@ def pushed_out_at(regularity: float) -> float:
 def crowding_of(clustering: float) -> float:
     """By how much more others an average body of an even class with such clumps sees around it, of its class: as a share."""
     return float(np.interp(clustering, STRENGTHS, CROWDING))
+
+
+def share_at_large(asked: np.ndarray, pixel: Sequence[float], size: float) -> float:
+    """How much of it is done that a density with clumps is as dense at large as it was: from 0 to 1, by the room it has for clumps.
+
+    Args:
+        asked: The density without clumps, shape ``[height, width]``.
+        pixel: Height and width of its pixels [m].
+        size: Diameter of a clump [m].
+    """
+    room = pixel[0] * pixel[1] * asked.size * occupied(asked) / (WAVELENGTH * size) ** 2
+    return float(min(max((room - LITTLE_ROOM) / (MUCH_ROOM - LITTLE_ROOM), 0.0), 1.0))
 
 
 def _shape(image: np.ndarray, size: float, domain: Domain, name: str) -> tuple[int, int]:

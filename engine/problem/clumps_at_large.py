@@ -48,6 +48,7 @@ def as_dense_at_large(
     wavelength: float,
     pixel: Sequence[float],
     wraps: bool,
+    share: float,
     pushed_out: float,
 ) -> np.ndarray:
     """A density with clumps, made so that its bodies will be as dense as the one that was asked for, blurred over several clumps.
@@ -60,9 +61,10 @@ def as_dense_at_large(
         wavelength: Of the clumps: twice their diameter [m].
         pixel: Height and width of pixels [m].
         wraps: Whether opposite edges are joined.
+        share: How much of it is done, from 0 to 1.
         pushed_out: By how much bodies push each other out of clumps: times the Laplacian of the density's logarithm [m²].
     """
-    if not asked.any():
+    if share == 0.0 or not asked.any():
         return clumped
     clumped = clumped * (asked.sum() / clumped.sum())
     width = AT_LARGE * wavelength
@@ -70,7 +72,8 @@ def as_dense_at_large(
     axes = [_Axis(many, count, wraps) for many, count in zip(asked.shape, nodes, strict=True)]
     wanted = asked + pushed_out * _spreading(asked, clumped, pixel, wraps)
     everywhere = np.ones(nodes)
-    sums_wanted, sums = _Sums(wanted, axes)(everywhere), _Sums(clumped, axes)
+    sums = _Sums(clumped, axes)
+    sums_wanted = share * _Sums(wanted, axes)(everywhere) + (1.0 - share) * sums(everywhere)
     rounds = min(ROUNDS, max(FEWEST_ROUNDS, NODES_IN_ALL // (padded[0] * padded[1])))
     first = round(FIRST_SHARE * rounds)
     factor = everywhere

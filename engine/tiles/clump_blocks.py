@@ -37,6 +37,7 @@ class Clumps:
         extent: Of the domain along x and y [m].
         wraps: Whether it is periodic.
         seed: From which the noise follows.
+        share: See :func:`~.clumps.share_at_large`.
         pushed_out: See :func:`~.clumps_at_large.as_dense_at_large`.
         folder: Where the blocks are.
     """
@@ -46,6 +47,7 @@ class Clumps:
     extent: tuple[float, float]
     wraps: bool
     seed: tuple[int, ...]
+    share: float
     pushed_out: float
     folder: Path
 
@@ -171,7 +173,9 @@ def _made(clumps: Clumps, source: Source, down: Axis, across: Axis) -> np.ndarra
     noise = math.sqrt(12.0) * (random_shares(number, list(clumps.seed)) - 0.5)
     pixel = [length / many for length, many in zip(clumps.extent[::-1], clumps.shape, strict=True)]
     factor = clump_factor(noise, pixel, clumps.size, False, clumps.clustering, measured=False)
-    clumped = as_dense_at_large(asked, asked * factor, WAVELENGTH * clumps.size, pixel, False, clumps.pushed_out)
+    clumped = as_dense_at_large(
+        asked, asked * factor, WAVELENGTH * clumps.size, pixel, False, clumps.share, clumps.pushed_out
+    )
     return np.divide(clumped, asked, out=factor, where=asked > 0.0)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import ProblemError
 from ..files.window_images import Georeference
 from ..files.windowed_recipe import WindowedRecipe, read_windowed_recipe
-from ..problem.clumps import clump_size_of, crowding_of, occupied, pushed_out_at
+from ..problem.clumps import clump_size_of, crowding_of, occupied, pushed_out_at, share_at_large
 from ..problem.cover import Cover, cover_of_images
 from ..problem.direction_field import direction_field
 from ..problem.domain import Domain
@@ -286,12 +286,14 @@ def _clumps(run: TileRun, scene: WindowedRecipe, class_index: int, shares: np.nd
     clustering, asked = scene.clumps[class_index]
     count = problem.classes[class_index].body_count
     size = clump_size_of(asked, domain, count, occupied(shares))
+    pixel = [length / many for length, many in zip(domain.size[::-1], shares.shape, strict=True)]
     return Clumps(
         size,
         clustering,
         domain.size,
         domain.periodic,
         (problem.seed, 8, class_index),
+        share_at_large(shares, pixel, size),
         pushed_out_at(problem.regularity) / count * mean * domain.area,
         run.work / CLUMP_BLOCKS / f"{class_index:03d}",
     )

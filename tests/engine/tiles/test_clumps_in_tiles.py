@@ -30,7 +30,7 @@ def positions(problem: esh.Problem | Path, folder: Path, **options) -> list[np.n
 
 
 def clumps_of(folder: Path, extent=(100.0, 60.0), wraps=False, size=2.5, clustering=0.8, seed=(1, 8, 0)) -> Clumps:
-    return Clumps(size, clustering, extent, wraps, seed, 0.0, folder)
+    return Clumps(size, clustering, extent, wraps, seed, 1.0, 0.0, folder)
 
 
 def whole(source: ClumpedSource) -> np.ndarray:
