@@ -20,7 +20,6 @@ from ..result import words
 from ..targets import checksums
 from ..targets.target import RESULT_TARGET
 from . import settings_record
-from .amount_ahead import bodies_ahead, question
 from .asked_once import asked_once
 from .body_class import CLASS_COLORS, ESH_PG_class
 from .deleted import in_a_scene
@@ -326,11 +325,15 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         Args:
             granted: As many as that need no asking.
         """
+        from .amount_ahead import question
+
         count = self.bodies_ahead()
         return question(self, count) if count >= self.cap and count > granted else ""
 
     def bodies_ahead(self) -> int:
         """Return how many objects the next run will place, about."""
+        from .amount_ahead import bodies_ahead
+
         return bodies_ahead(self)
 
     def lost_by_hand(self, scene: bpy.types.Scene) -> str:

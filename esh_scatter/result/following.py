@@ -12,11 +12,7 @@ from ...engine.surface.surface_points import SurfacePoints
 from ...engine.surface.triangle_mesh import TriangleMesh
 from .node_group import ALIGN, EDGE, FACE_NORMAL, GROUND_POINT, Followed, Rest
 
-__all__ = ["bends_alone_in_renders", "follow_attributes", "followed"]
-
-# Modifiers that divide faces, to one level in the viewport and to another one in renders; and those that do not bend a mesh.
-_DIVIDES = ("SUBSURF", "MULTIRES")
-_STIFF = (*_DIVIDES, "ARRAY", "BEVEL", "DECIMATE", "MIRROR", "SOLIDIFY", "TRIANGULATE", "UV_PROJECT", "UV_WARP", "WELD")
+__all__ = ["follow_attributes", "followed"]
 
 
 def followed(targets: Sequence[bpy.types.Object], mesh: TriangleMesh, stood: Sequence[np.ndarray]) -> list[Followed]:
@@ -58,16 +54,3 @@ def follow_attributes(points: SurfacePoints, align: np.ndarray) -> dict[str, tup
         FACE_NORMAL: ("FLOAT_VECTOR", unit_vectors(normal)),
         ALIGN: ("FLOAT", align),
     }
-
-
-def bends_alone_in_renders(target: bpy.types.Object) -> bool:
-    """Tell whether a target bends in renders without what stands on it: there it has more vertices, or fewer."""
-    if target.type != "MESH":
-        return False
-    differs = any(
-        (m.show_viewport and m.levels) != (m.show_render and m.render_levels)
-        for m in target.modifiers
-        if m.type in _DIVIDES
-    )
-    bends = target.data.shape_keys is not None or any(m.show_render and m.type not in _STIFF for m in target.modifiers)
-    return differs and bends

@@ -16,13 +16,13 @@ from ..properties.scatter import BY_HAND, ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import real_objects, words
 from ..result.display import followed_targets, get_inputs, input_property, is_in_world, our_modifier
-from ..result.following import bends_alone_in_renders
 from ..result.local_views import is_left_out
 from ..result.node_group import target_inputs
 from ..result.refused import NOT_SEEN
 from ..result.result import find_result, is_shared
 from ..solving import live, loading, running
 from ..targets import checksums
+from ..targets.bending import bends_alone_in_renders
 from ..targets.target import is_result
 from . import class_panels, report_panel
 from .density_panel import is_painted
