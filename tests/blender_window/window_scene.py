@@ -107,4 +107,6 @@ def ask_for(count):
     yield from hand.keys("ctrl+a")
     yield from hand.write(count)
     yield from hand.keys("Return")
-    yield from hand.turn_panel("ESH_PT_class", is_open=False, first=top - 40)
+    # What is said of so many comes a moment later, and moves the panel down.
+    yield 2.0
+    yield from hand.turn_panel("ESH_PT_class", is_open=False)
