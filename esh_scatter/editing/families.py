@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import bpy
 
+from ..targets.in_scenes import in_a_scene
 from ..targets.target import FAMILY_OF, is_result, members_of, put_offset, shown_collection
 
 __all__ = ["CONVERTED", "as_placed", "heads_in", "metaballs_on", "unmeasured"]
@@ -93,7 +94,7 @@ def _with_hanging(
     waiting = [head]
     while waiting:
         item = waiting.pop()
-        if item.users_scene:
+        if in_a_scene(item):
             yield item
         waiting += hanging.get(item, ())
 

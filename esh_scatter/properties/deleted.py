@@ -2,12 +2,9 @@
 
 import bpy
 
-__all__ = ["deleted_name", "in_a_scene"]
+from ..targets.in_scenes import in_a_scene
 
-
-def in_a_scene(item: bpy.types.Object) -> bool:
-    """Tell whether an object is in any scene."""
-    return any(scene.objects.get(item.name) == item for scene in bpy.data.scenes)
+__all__ = ["deleted_name"]
 
 
 def deleted_name(item: bpy.types.ID | None) -> str:

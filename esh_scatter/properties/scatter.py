@@ -18,11 +18,11 @@ from ...engine.problem.settings import settings_of
 from ..classes.name_lists import joined_names
 from ..result import words
 from ..targets import checksums
+from ..targets.in_scenes import in_a_scene, is_in
 from ..targets.target import RESULT_TARGET
 from . import settings_record
 from .asked_once import asked_once
 from .body_class import CLASS_COLORS, ESH_PG_class
-from .deleted import in_a_scene
 from .described import values_from, with_properties
 from .entries import entry_at
 from .kept_settings import keep_settings
@@ -208,7 +208,7 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         from ..targets.target import is_result
 
         result = self.result
-        if result is None or scene.objects.get(result.name) != result or is_shared(result) or not is_result(result):
+        if result is None or not is_in(scene, result) or is_shared(result) or not is_result(result):
             return None
         return result
 

@@ -11,8 +11,8 @@ from bpy.types import PropertyGroup
 
 from ...engine.problem.settings import settings_of
 from ...engine.problem.size import Size
+from ..targets.in_scenes import in_a_scene
 from ..targets.target import FAMILY_OF, is_result, members_of
-from .deleted import in_a_scene
 from .described import property_of, values_from
 from .names import class_of, keep_name_unused, name_class_after
 from .shown_at_once import choose_variants_anew, place_others

@@ -6,6 +6,8 @@
 import bpy
 from bpy.props import EnumProperty, PointerProperty
 
+from ..targets.in_scenes import is_in
+
 __all__ = ["WithTarget"]
 
 
@@ -80,14 +82,14 @@ class WithTarget:
         if self.target_kind == "COLLECTION":
             if self.target_collection is None:
                 return "Choose a collection: the meshes to scatter on"
-            if not any(scene.objects.get(item.name) == item for item in self.targets):
+            if not any(is_in(scene, item) for item in self.targets):
                 return f'Collection "{self.target_collection.name}" has no mesh in this scene; choose another target'
             return self._faces_obstacle()
         if self.target is None:
             return "Choose a target: the mesh to scatter on"
         if self.target.type != "MESH":
             return f'"{self.target.name}" is not a mesh; choose a mesh as the target'
-        if scene.objects.get(self.target.name) != self.target:
+        if not is_in(scene, self.target):
             return f'"{self.target.name}" is no longer in this scene; choose another target'
         return self._faces_obstacle()
 

@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from ..classes.node_tree import remove_group
+from ..targets.in_scenes import in_several_scenes
 from ..targets.target import RESULT_TAG, RESULT_TARGET, is_result
 from .display import follow, get_inputs, our_modifier, set_inputs
 from .kept_ground import CLASSES_OF_POINTS
@@ -76,7 +77,7 @@ def names_on(
 
 def is_shared(item: bpy.types.Object) -> bool:
     """Tell whether several scenes show an object, or whether it belongs to a library: it is not for one of them to change."""
-    return len(item.users_scene) > 1 or not item.is_editable
+    return in_several_scenes(item) or not item.is_editable
 
 
 def is_copy(item: bpy.types.Object, result: bpy.types.Object) -> bool:

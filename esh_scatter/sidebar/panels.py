@@ -23,6 +23,7 @@ from ..result.result import find_result, is_shared
 from ..solving import live, loading, running
 from ..targets import checksums
 from ..targets.bending import bends_alone_in_renders
+from ..targets.in_scenes import is_in
 from ..targets.target import is_result
 from . import class_panels, report_panel
 from .density_panel import is_painted
@@ -448,7 +449,7 @@ def _why_no_result(scene: bpy.types.Scene, scatter: ESH_PG_scatter) -> str:
     if not scene.is_editable:
         return "This scene is linked from a library and cannot be changed"
     result = scatter.result
-    if result is not None and scene.objects.get(result.name) == result and is_shared(result):
+    if result is not None and is_in(scene, result) and is_shared(result):
         return "Another scene shows this result, too. Scatter makes one for this scene"
     return "The result is no longer there"
 

@@ -24,6 +24,7 @@ from ..result.real_objects import real_objects_of
 from ..result.refused import as_sentence
 from ..targets import checksums
 from ..targets.depsgraph import evaluated_depsgraph
+from ..targets.in_scenes import is_in
 from ..targets.references import Reference
 from ..targets.vertex_groups import can_be_listed
 from . import loading, running, strokes, undo_steps
@@ -176,7 +177,7 @@ class _Live:
     def _gone(self, context: bpy.types.Context, scatter: Scatter) -> str:
         """Return what is no longer there, as a sentence; empty where all is."""
         targets = scatter.targets
-        if not targets or any(context.scene.objects.get(target.name) != target for target in targets):
+        if not targets or not all(is_in(context.scene, target) for target in targets):
             return "its target is no longer in the scene"
         if scatter.report_json and scatter.result_in(context.scene) is None:
             return "its result is no longer in the scene; click Scatter to make it anew"

@@ -11,6 +11,7 @@ from typing import NamedTuple, TypeAlias
 import bpy
 
 from ..result.local_views import join_local_views
+from ..targets.in_scenes import is_in
 from ..targets.references import Reference
 
 __all__ = ["Kept", "NewResult"]
@@ -121,7 +122,7 @@ class NewResult:
             return False
         if self._now is None:
             return True
-        if scatter.result != self._before.found() or scene.objects.get(item.name) == item:
+        if scatter.result != self._before.found() or is_in(scene, item):
             # Undo has given the scene what the step knows.
             return False
         kept, shown = self._now

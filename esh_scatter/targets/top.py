@@ -68,7 +68,8 @@ def _has_top_at_once(mesh_in_world: tuple[bpy.types.Mesh, np.ndarray]) -> bool:
     """Whether one of the first faces lies flat enough that the mesh has a top, whatever the others are."""
     mesh, matrix = mesh_in_world
     count = len(mesh.polygons)
-    turned = np.linalg.inv(matrix[:3, :3]).T if abs(np.linalg.det(matrix[:3, :3])) > 0.0 else np.zeros((3, 3))
+    # How normals are turned. Not by an inverse: LAPACK's threads wait for each other while something is solved.
+    turned = np.cross(np.roll(matrix[:3, :3], -1, axis=0), np.roll(matrix[:3, :3], -2, axis=0))
     for number in range(0, count, max(1, count // FIRST_FACES)):
         normal = turned @ np.array(mesh.polygons[number].normal)
         if abs(normal[2]) > 0.1 * np.linalg.norm(normal) and mesh.polygons[number].area > 0.0:
