@@ -8,8 +8,6 @@
 
 import json
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import bpy
 import numpy as np
@@ -19,10 +17,12 @@ from ...engine.errors import EshError
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import pins, real_objects
+from ..result.edited_points import outside_edit_mode
 from ..result.kept_ground import CLASSES_OF_POINTS, read_attribute, stand_anew
 from ..result.points_in_front import hide_points
 from ..result.result import CLASS_NAMES
 from ..result.scene_units import sentence
+from ..solving import live
 from .edit import Edit, select_points
 
 __all__ = ["CLASSES"]
@@ -73,10 +73,13 @@ class _OnInstances(_OnResult):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Do it."""
         scatter = selected_scatter(context)
-        with _outside_edit_mode(scatter.result_in(context.scene)) as result:
+        result = scatter.result_in(context.scene)
+        assert result is not None
+        with outside_edit_mode(result):
             points = pins.selected_points(result.data)
             if len(points):
                 self._do(scatter, result, points)
+        live.look_at_edited(context.scene, scatter)
         if not len(points):
             self.report({"WARNING"}, "No instances are selected. Click Edit Instances and select their points")
             return {"CANCELLED"}
@@ -114,7 +117,9 @@ class ESH_OT_instances_select_pinned(_OnResult):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Select them, in Edit Mode."""
-        with _outside_edit_mode(_result_in(context)) as result:
+        result = _result_in(context)
+        assert result is not None
+        with outside_edit_mode(result):
             chosen = pins.staying(result.data)
         count = int(chosen.sum())
         if not count:
@@ -201,7 +206,7 @@ class ESH_OT_instances_make_real(_OnResult):
             self.report({"ERROR"}, f'"{result.name}" is hidden. Show it first')
             return {"CANCELLED"}
         names = json.loads(result.get(CLASS_NAMES, "[[], []]"))[0]
-        with _outside_edit_mode(result):
+        with outside_edit_mode(result):
             try:
                 made = real_objects.make_real(context, result, names)
             except EshError as error:
@@ -278,20 +283,6 @@ def _remove(scatter: ESH_PG_scatter, result: bpy.types.Object, points: np.ndarra
         entry = scatter.free_places.add()
         entry.place, entry.radius, entry.has_height, entry.height = (x, y), radius, True, z
     pins.remove(result.data, points)
-
-
-@contextmanager
-def _outside_edit_mode(result: bpy.types.Object | None) -> Iterator[bpy.types.Object]:
-    """Leave Edit Mode, in which attributes cannot be written, for a ``with`` block."""
-    assert result is not None
-    editing = result.mode == "EDIT"
-    if editing:
-        bpy.ops.object.mode_set(mode="OBJECT")
-    try:
-        yield result
-    finally:
-        if editing:
-            bpy.ops.object.mode_set(mode="EDIT")
 
 
 CLASSES = (

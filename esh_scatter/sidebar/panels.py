@@ -16,6 +16,7 @@ from ..properties.scatter import BY_HAND, ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import real_objects, words
 from ..result.display import followed_targets, get_inputs, input_property, is_in_world, our_modifier
+from ..result.edited_points import can_leave_edit_mode
 from ..result.local_views import is_left_out
 from ..result.node_group import target_inputs
 from ..result.refused import NOT_SEEN
@@ -103,8 +104,11 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
             live.wake()
         if editing:
             said = "Select points and move them (G). Instances, below, has more"
-            waits = ". Live goes on when you are done" if scatter.live else ""
-            write_text(context, layout.column(align=True), said + waits, icon="INFO")
+            follows = can_leave_edit_mode(context, result)
+            live_does = "Live has the others make room" if follows else "Live goes on when you are done"
+            write_text(
+                context, layout.column(align=True), f"{said}. {live_does}" if scatter.live else said, icon="INFO"
+            )
             return
         if is_painted(context, scatter):
             # The layer has that button, too, but often below the lower edge of the window.

@@ -20,6 +20,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ...engine.errors import EshError
+from ..result.edited_points import can_leave_edit_mode, checksum_of_edited, outside_edit_mode
 from ..result.real_objects import real_objects_of
 from ..result.refused import as_sentence
 from ..targets import checksums
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from .job import ScatterJob
     from .live_worker import LiveWorker, Outcome, Request
 
-__all__ = ["end", "is_busy", "is_live", "reset", "status", "switched", "wake"]
+__all__ = ["end", "is_busy", "is_live", "look_at_edited", "reset", "status", "switched", "wake"]
 
 # A scatter of the sidebar. Its switch calls this module, which therefore does not import its class.
 Scatter: TypeAlias = bpy.types.PropertyGroup
@@ -92,6 +93,9 @@ class _Live:
         # What was written last, and a checksum of the points then: undo may have put others in their place.
         self._shown: ScatterJob | None = None
         self._points: int | None = None
+        # While instances are edited: the settings and where points were when they were looked at last.
+        self._edited: tuple[str, tuple[int, int]] | None = None
+        self._edited_at = 0.0
         # What was written before, as long as the solver can go back to it.
         self._known = KnownResults()
         # The settings that the last one was made with, and its report.
@@ -134,8 +138,12 @@ class _Live:
 
     def reset(self) -> None:
         """The result is another now: the next update starts from there."""
-        self._told = self._asked = self._waiting = self._shown = self._written = None
+        self._told = self._asked = self._waiting = self._shown = self._written = self._edited = None
         self._parts = 0
+
+    def look_at_edited(self) -> None:
+        """Points that are edited were pinned, turned or removed by a button, which Edit Mode does not tell."""
+        self._edited = None
 
     def look_at_points(self) -> None:
         """The result may be another now, or the same with settings and a report of before."""
@@ -157,22 +165,58 @@ class _Live:
             running.redraw_sidebars()
             return False
         attentive = time.monotonic() - _last_sign < ATTENTIVE or strokes.brush() is not None
-        if self._waiting is not None and _may_write(scatter):
+        if self._waiting is not None and self._may_write(context, scatter):
             self._write(context, scatter)
         if takes_edits and self._time_to_look(attentive) and self._worker.rests():
             try:
                 if _can_be_read(context, scatter):
                     with checksums.at_most(SHARE_ATTENTIVE if attentive else SHARE_AT_REST):
-                        self._submit(context, scatter)
+                        self._read(context, scatter)
             finally:
                 self._worker.go_on()
         return True
 
+    def _read(self, context: bpy.types.Context, scatter: Scatter) -> None:
+        """Have what has changed solved; Edit Mode of the result is left for that, if something has."""
+        result = scatter.result
+        if result is None or not _may_be_left(context, result):
+            self._edited = None if result is None or result.mode == "OBJECT" else self._edited
+            self._submit(context, scatter)
+        elif self._edited is None or _last_sign >= self._edited_at:
+            self._edited_at = time.monotonic()
+            if self._edited != _edited_now(scatter, result):
+                with outside_edit_mode(result):
+                    self._submit(context, scatter)
+                self._edited = _edited_now(scatter, result)
+
+    def _may_write(self, context: bpy.types.Context, scatter: Scatter) -> bool:
+        """Tell whether the result can be written now: not while it is rendered, nor over what was just moved in Edit Mode."""
+        result = scatter.result
+        if bpy.app.is_job_running("RENDER"):
+            return False
+        if result is None or result.mode == "OBJECT":
+            self._edited = None
+            return True
+        return _may_be_left(context, result) and (
+            self._edited is not None and self._edited[1] == checksum_of_edited(result)
+        )
+
     def _write(self, context: bpy.types.Context, scatter: Scatter) -> None:
-        """Show what waits, unless the result became another one since that was asked for."""
-        outcome, self._waiting = self._waiting, None
-        if outcome is not None and outcome.request is self._asked:
+        """Show what waits, unless the result became another one since that was asked for; Edit Mode of it is left for that."""
+        outcome, result = self._waiting, scatter.result
+        if outcome is None or outcome.request is not self._asked:
+            self._waiting = None
+        elif self._edited is None or result is None or self._shown is outcome.job:
+            self._waiting = None
             self._show(context, scatter, outcome)
+        elif self._worker.rests():
+            self._waiting = None
+            try:
+                with outside_edit_mode(result):
+                    self._show(context, scatter, outcome)
+                self._edited = self._edited[0], checksum_of_edited(result)
+            finally:
+                self._worker.go_on()
 
     def _gone(self, context: bpy.types.Context, scatter: Scatter) -> str:
         """Return what is no longer there, as a sentence; empty where all is."""
@@ -405,6 +449,13 @@ def reset(scene: bpy.types.Scene, scatter: Scatter) -> None:
         live.reset()
 
 
+def look_at_edited(scene: bpy.types.Scene, scatter: Scatter) -> None:
+    """Have a scatter follow what a button has done to instances that are edited."""
+    live = _followed.get((scene.session_uid, scatter.uid))
+    if live is not None:
+        live.look_at_edited()
+
+
 def end(wait: bool = False) -> None:
     """Follow nothing any more, and take timer and handlers away."""
     ended = list(_followed.values())
@@ -468,10 +519,14 @@ def _scatter_of(scene: bpy.types.Scene | None, uid: int) -> Scatter | None:
     return next((scatter for scatter in scatters if scatter.uid == uid), None)
 
 
-def _may_write(scatter: Scatter) -> bool:
-    """Tell whether the result can be written now: not while it is rendered, nor while its points are edited."""
-    result = scatter.result
-    return not bpy.app.is_job_running("RENDER") and (result is None or result.mode == "OBJECT")
+def _may_be_left(context: bpy.types.Context, result: bpy.types.Object) -> bool:
+    """Tell whether a result is in Edit Mode, which can be left for a moment."""
+    return can_leave_edit_mode(context, result) and not strokes.edits_points()
+
+
+def _edited_now(scatter: Scatter, result: bpy.types.Object) -> tuple[str, tuple[int, int]]:
+    """Return the settings of a scatter, as far as they can be told in Edit Mode of its result, and where the points are."""
+    return json.dumps(scatter.record(), separators=(",", ":")), checksum_of_edited(result)
 
 
 def _needs_a_new_start(before: dict[str, Any], now: dict[str, Any]) -> bool:

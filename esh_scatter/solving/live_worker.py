@@ -159,13 +159,15 @@ class LiveWorker:
     def rests(self) -> bool:
         """Have the thread rest until :meth:`go_on`, so that Blender's data can be read; tell whether it does, or has nothing to do.
 
-        Otherwise both would wait for Python's lock in turns.
+        Otherwise both would wait for Python's lock in turns. What it is asked for meanwhile, it begins with when it goes on: operators
+        may only be called while it rests. Where they look into a context that was overridden, Blender with Python 3.11 takes itself
+        to have that lock if any thread has it, and crashes once the other one lets go of it.
         """
         with self._change:
             # What it was asked for, it begins with at any moment.
             self._asked_to_rest = self.busy
-            self._held = self._rests
-            return self._held or not self._asked_to_rest
+            self._held = self._rests or not self._asked_to_rest
+            return self._held
 
     def go_on(self) -> None:
         """Let the thread go on, once what was to be read has been."""
@@ -204,7 +206,9 @@ class LiveWorker:
     def _work(self) -> None:
         while True:
             with self._change:
-                while self._waiting is None and not self._ended:
+                self._busy = self._shows_nothing = False
+                self.progress = None
+                while (self._waiting is None or self._held) and not self._ended:
                     self._change.wait()
                 if self._ended:
                     break
@@ -219,8 +223,6 @@ class LiveWorker:
             except BaseException as error:  # nobody else would hear of it
                 self._publish(Outcome(request, error=EshError(f"Live stopped: {type(error).__name__}: {error}")))
                 self._close()
-            self._busy = self._shows_nothing = False
-            self.progress = None
         self._close()
 
     def _solve(self, request: Request) -> None:

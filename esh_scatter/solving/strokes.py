@@ -6,12 +6,14 @@ from enum import Enum, auto
 
 import bpy
 
-__all__ = ["COLORS", "WEIGHTS", "Stroke", "brush", "is_under_way", "operator_among"]
+__all__ = ["COLORS", "WEIGHTS", "Stroke", "brush", "edits_points", "is_under_way", "operator_among"]
 
 # Operators of brush strokes, by their names.
 COLORS, WEIGHTS = {"PAINT_OT_image_paint", "IMAGE_OT_paint", "PAINT_OT_vertex_paint"}, "PAINT_OT_weight_paint"
 _BRUSHES = COLORS | {WEIGHTS, "SCULPT_OT_brush_stroke"}
 _DRAGS = {"TRANSFORM_OT_translate", "TRANSFORM_OT_rotate", "TRANSFORM_OT_resize"}
+# What operators are called that hold on to points in Edit Mode.
+_ON_POINTS = ("TRANSFORM_OT_", "MESH_OT_", "VIEW3D_OT_select")
 
 
 class Stroke(Enum):
@@ -32,6 +34,12 @@ def brush() -> str | None:
 def is_under_way() -> bool:
     """Tell whether something is changed step by step: by a brush stroke, or objects by the mouse."""
     return operator_among(_BRUSHES | _DRAGS) is not None
+
+
+def edits_points() -> bool:
+    """Tell whether an operator of Edit Mode is under way in some window: the mode may not be left then."""
+    windows = bpy.context.window_manager.windows
+    return any(one.bl_idname.startswith(_ON_POINTS) for window in windows for one in window.modal_operators)
 
 
 def operator_among(names: set[str]) -> str | None:

@@ -128,8 +128,9 @@ def shown_context(width: int = 300) -> SimpleNamespace:
     preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0), ui_styles=bpy.context.preferences.ui_styles)
     region = SimpleNamespace(width=width)
     context = bpy.context
-    shown = {"scene": context.scene, "view_layer": context.view_layer, "mode": context.mode, "space_data": None}
-    return SimpleNamespace(**shown, preferences=preferences, region=region)
+    names = ("scene", "view_layer", "mode", "objects_in_mode")
+    shown = {name: getattr(context, name) for name in names}
+    return SimpleNamespace(**shown, space_data=None, preferences=preferences, region=region)
 
 
 def draw_all(width: int = 300) -> list[str]:
