@@ -249,6 +249,51 @@ def count_dragged():
     yield from hand.turn_panel("ESH_PT_class", is_open=False, first=top - 40)
 
 
+def instance_moved():
+    """A tree is moved in Edit Mode: those beside it make room while that lasts; undone, redone, and done."""
+    top = yield from hand.turn_panel("ESH_PT_instances")
+    ids, where = values("id"), positions()
+    yield from hand.press("esh.instances_edit", first=top)
+    # Away from the rock, and from the border.
+    chosen = int(np.argmin(np.linalg.norm(where[:, :2] - (-6.0, 6.0), axis=1)))
+    yield from hand.click(on_screen(where[chosen]))
+    yield from hand.keys("g", "x")
+    yield from hand.write("0.7")
+    yield from hand.keys("Return")
+    yield from _followed_in_edit_mode(lambda moved: moved > 1, "following the tree")
+    answer["in_edit_mode"] = scatter().result.mode, live().message, instances()
+    take_screenshot("change-7-made-room.png")
+    yield from hand.move(on_screen((0.0, 0.0, 0.0)))
+    yield from hand.keys("ctrl+z")
+    yield 0.5
+    answer["edit_undone"] = scatter().result.mode
+    yield from _followed_in_edit_mode(lambda _: True, "following to undo")
+    yield from hand.keys("ctrl+shift+z")
+    yield from _followed_in_edit_mode(lambda _: True, "following to redo")
+    answer["edit_redone"] = scatter().result.mode
+    take_screenshot("change-8-redone.png")
+    yield from hand.press("esh.instances_edit", first=top)
+    yield from hand.until(at_rest, LONGEST_UPDATE, "Live to rest")
+    there = positions()[values("id") == ids[chosen]][0] - where[chosen]
+    answer["tree"] = there.tolist(), len(positions()), scatter().report["overlaps"], scatter().changes()
+    take_screenshot("change-9-done.png")
+    yield from hand.turn_panel("ESH_PT_instances", is_open=False, first=top - 40)
+
+
+def _followed_in_edit_mode(holds, what):
+    """Wait until Live has shown what it makes of moved points, and so many instances stand elsewhere."""
+    _, before = shown()
+
+    def followed():
+        follower, (_, now) = live(), shown()
+        moved = int((np.linalg.norm(now - before, axis=1) > 0.01).sum()) if len(now) == len(before) else 0
+        return follower is not None and not follower.busy and follower._edited is not None and holds(moved)
+
+    yield 0.7
+    yield from hand.until(followed, LONGEST_UPDATE, what)
+    yield 0.5
+
+
 def may_overlap():
     """The checkbox is clicked that lets beeches and pines overlap; undone and redone; then they do."""
     top = yield from hand.turn_panel("ESH_PT_class")
@@ -384,7 +429,7 @@ def asked_before_it_is_lost():
 # Without xdotool there is no hand.
 answer["mouse"] = shutil.which("xdotool") is not None
 WALKS = {
-    "following": (begin, bent, displayed, lives, obstacle_moved, count_dragged),
+    "following": (begin, bent, displayed, lives, obstacle_moved, count_dragged, instance_moved),
     "answering": (begin, may_overlap, kept, asked_before_many, moved_by_hand, asked_before_it_is_lost),
 }
 steps.run(

@@ -216,6 +216,12 @@ def test_an_artist_changes_things_and_is_followed(package: Path, tmp_path: Path)
     placed, count = answer["while_dragged"]
     assert placed == count > answer["begun"]["Beech"], "objects come while the count is dragged"
     assert answer["dragged"] == [0, [], 0] and answer["drag_undone"]
+    # In Edit Mode, which goes on, before Done.
+    assert answer["in_edit_mode"] == ["EDIT", "", everything]
+    assert answer["edit_undone"] == answer["edit_redone"] == "EDIT"
+    way, placed, overlaps, changes = answer["tree"]
+    assert way == pytest.approx([0.7, 0.0, 0.0], abs=0.01) and placed == everything
+    assert [overlaps, changes] == [0, []]
 
 
 def test_an_artist_answers_questions_and_goes_back(package: Path, tmp_path: Path):
