@@ -13,7 +13,7 @@ from bpy.app.handlers import persistent
 
 from ...engine.errors import EshError
 from ..result.refused import as_sentence
-from ..solving import running
+from ..solving import live, running
 from ..targets.target import is_result
 from .assets import PRESET
 
@@ -106,7 +106,7 @@ def _scatter() -> None:
         return
     window, area = found
     region = next(one for one in area.regions if one.type == "WINDOW")
-    with bpy.context.temp_override(window=window, area=area, region=region):
+    with live.resting(), bpy.context.temp_override(window=window, area=area, region=region):
         if bpy.ops.esh.scatter.poll():
             bpy.ops.esh.scatter("INVOKE_DEFAULT")
 

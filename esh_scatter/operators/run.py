@@ -24,7 +24,7 @@ from ..properties.scene import active_scatter, selected_scatter
 from ..result import words
 from ..result.real_objects import discard_real, real_objects_of
 from ..result.scene_units import in_scene_units, sentence
-from ..solving import loading, running
+from ..solving import live, loading, running
 from ..targets.target import members_of
 from .edit import BOUNDARY, REGULARITY, remove_at, settings_editable, stood_on, warn_of_unplaced
 
@@ -545,7 +545,7 @@ def _frame_selected(context: bpy.types.Context) -> None:
     area = next((one for one in areas if one is not None and one.type == "VIEW_3D"), None)
     if area is not None:
         region = next(one for one in area.regions if one.type == "WINDOW")
-        with context.temp_override(area=area, region=region):
+        with live.resting(), context.temp_override(area=area, region=region):
             bpy.ops.view3d.view_selected()
 
 

@@ -11,7 +11,8 @@ import copy
 import json
 import time
 import zlib
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from .job import ScatterJob
     from .live_worker import LiveWorker, Outcome, Request
 
-__all__ = ["end", "is_busy", "is_live", "look_at_edited", "reset", "status", "switched", "wake"]
+__all__ = ["end", "is_busy", "is_live", "look_at_edited", "reset", "resting", "status", "switched", "wake"]
 
 # A scatter of the sidebar. Its switch calls this module, which therefore does not import its class.
 Scatter: TypeAlias = bpy.types.PropertyGroup
@@ -51,8 +52,8 @@ SHARE_ATTENTIVE, SHARE_AT_REST = 0.25, 0.02
 # What takes up to twice as long is read for a tenth of the time: one slow reading says little of the next.
 FOLLOWS_STROKES = 0.05
 SHARE_SLOW = 0.1
-# Seconds that quitting waits for the thread.
-LONGEST_JOIN = 5.0
+# Seconds that quitting waits for the thread, and others for it to rest.
+LONGEST_JOIN, LONGEST_WAIT, A_WAIT = 5.0, 0.5, 0.005
 
 # What the depsgraph can say that may be of ours; kinds of data that nothing is made of are not looked for. Settings are the scene's:
 # when one is changed in the sidebar, Blender tags the scene, and says of its objects, too, that they have changed.
@@ -103,6 +104,11 @@ class _Live:
         self._submitted_at = 0.0
         self.message = self._refused = ""
         self.seconds = 0.0
+
+    @property
+    def worker(self) -> LiveWorker:
+        """What solves it."""
+        return self._worker
 
     @property
     def busy(self) -> bool:
@@ -454,6 +460,23 @@ def look_at_edited(scene: bpy.types.Scene, scatter: Scatter) -> None:
     live = _followed.get((scene.session_uid, scatter.uid))
     if live is not None:
         live.look_at_edited()
+
+
+@contextmanager
+def resting() -> Iterator[None]:
+    """Have nothing be solved during a ``with`` block, in which operators are called with a context that is overridden.
+
+    See :meth:`.LiveWorker.rests`. What takes too long to come to rest is not waited for.
+    """
+    workers = [one.worker for one in _followed.values()]
+    until = time.monotonic() + LONGEST_WAIT
+    while not all([worker.rests() for worker in workers]) and time.monotonic() < until:
+        time.sleep(A_WAIT)
+    try:
+        yield
+    finally:
+        for worker in workers:
+            worker.go_on()
 
 
 def end(wait: bool = False) -> None:

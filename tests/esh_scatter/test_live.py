@@ -196,6 +196,27 @@ def test_what_is_pinned_or_removed_by_a_button_in_edit_mode_is_followed_there(sc
     assert gap > 0.29, "its place stays free"
 
 
+def test_while_something_is_solved_operators_can_be_called_with_another_context(scatter, follow):
+    """With Python 3.11 Blender crashes where another thread has Python's lock meanwhile."""
+    switch_on(scatter, follow)
+    one = next(iter(live._followed.values()))
+    held = []
+    for count in (1500, 200, 1500):
+        scatter.classes["Beech"].sizes[0].count = count
+        one._looked = 0.0
+        live._tick()
+        with live.resting(), bpy.context.temp_override(active_object=scatter.target, object=scatter.target):
+            held.append((one.busy, one.worker._held))
+            for _ in range(20):
+                bpy.ops.object.mode_set(mode="EDIT")
+                bpy.ops.object.mode_set(mode="OBJECT")
+            assert one.worker._held
+        assert not one.worker._held
+    assert held == [(True, True)] * 3
+    follow()
+    assert len(points()) == 1700 and not scatter.outdated
+
+
 def test_what_is_moved_while_the_others_make_room_is_not_put_back(scatter, follow, edit_points, monkeypatch):
     """An answer to where it was before comes too late."""
     before = switch_on(scatter, follow)
