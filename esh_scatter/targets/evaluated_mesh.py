@@ -10,7 +10,7 @@ import numpy as np
 
 from .depsgraph import evaluated_depsgraph
 
-__all__ = ["evaluated_mesh", "in_world", "vertices_in_world"]
+__all__ = ["evaluated_mesh", "in_world", "vertex_positions", "vertices_in_world"]
 
 
 @contextmanager
@@ -29,10 +29,15 @@ def evaluated_mesh(item: bpy.types.Object, context: bpy.types.Context) -> Iterat
 
 def vertices_in_world(mesh: bpy.types.Mesh, matrix: np.ndarray) -> np.ndarray:
     """Return where the vertices of a mesh that has some are, shape ``[n, 3]``; see :func:`in_world`."""
+    return in_world(vertex_positions(mesh), matrix)
+
+
+def vertex_positions(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Return where the vertices of a mesh that has some are, as it sees them itself, shape ``[n, 3]``, float32."""
     # Read as an attribute, which is copied as a whole; vertices are asked one after the other.
     position = np.empty((len(mesh.vertices), 3), np.float32)
     mesh.attributes["position"].data.foreach_get("vector", position.ravel())
-    return in_world(position, matrix)
+    return position
 
 
 def in_world(position: np.ndarray, matrix: np.ndarray) -> np.ndarray:

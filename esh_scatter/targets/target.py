@@ -13,7 +13,8 @@ from ...engine.errors import ProblemError
 from ...engine.problem.validation import show
 from ...engine.surface.triangle_mesh import TriangleMesh
 from .depsgraph import evaluated_depsgraph
-from .evaluated_mesh import vertices_in_world
+from .evaluated_mesh import in_world, vertex_positions
+from .mesh_triangles import corners_of_triangles
 from .vertex_groups import read_vertex_groups
 
 __all__ = [
@@ -245,14 +246,11 @@ def read_triangles(mesh: bpy.types.Mesh, matrix: np.ndarray, name: str) -> Trian
     # As an attribute, which is copied as a whole; loops are asked one after the other.
     vertex = np.empty(len(mesh.loops), np.int32)
     mesh.attributes[".corner_vert"].data.foreach_get("value", vertex)
-    mesh.calc_loop_triangles()
-    count = len(mesh.loop_triangles)
-    corner, face = np.empty((count, 3), np.int32), np.empty(count, np.int32)
-    mesh.loop_triangles.foreach_get("loops", corner.ravel())
-    mesh.loop_triangle_polygons.foreach_get("value", face)
+    position = vertex_positions(mesh)
+    corner, face = corners_of_triangles(mesh, position, vertex)
     return TriangleMesh(
         name,
-        vertices_in_world(mesh, matrix),
+        in_world(position, matrix),
         vertex[corner],
         corner,
         face,
