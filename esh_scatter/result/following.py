@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import bpy
 import numpy as np
@@ -10,23 +10,42 @@ import numpy as np
 from ...engine.problem.unit_vectors import unit_vectors
 from ...engine.surface.surface_points import SurfacePoints
 from ...engine.surface.triangle_mesh import TriangleMesh
-from .node_group import ALIGN, EDGE, FACE_NORMAL, GROUND_POINT, Followed, Rest
+from ..targets.subdivision import Subdivision
+from .node_group import (
+    ALIGN,
+    CORNERS,
+    EDGE,
+    FACE_NORMAL,
+    GROUND_POINT,
+    RENDERED_CORNERS,
+    TARGET,
+    Followed,
+    InRenders,
+    Rest,
+)
 
-__all__ = ["follow_attributes", "followed"]
+__all__ = ["follow_attributes", "followed", "rendered_attributes"]
 
 
-def followed(targets: Sequence[bpy.types.Object], mesh: TriangleMesh, stood: Sequence[np.ndarray]) -> list[Followed]:
+def followed(
+    targets: Sequence[bpy.types.Object],
+    mesh: TriangleMesh,
+    stood: Sequence[np.ndarray],
+    divided: Sequence[Subdivision | None],
+) -> list[Followed]:
     """Return what the points on targets follow, each with the vertices that it had.
 
     Args:
         targets: In the order of ``esh_target``.
         mesh: All of them as one.
         stood: Their matrices when they were read, shape ``[4, 4]``.
+        divided: How they are subdivided further in renders; None where they are not.
     """
+    finer = [one and InRenders(one.rendered, one.vertices_in_renders) for one in divided]
     count = np.diff([*mesh.first_vertex, len(mesh.position)])
     return [
-        Followed(item, int(n), bool(np.linalg.det(matrix[:3, :3]) < 0.0), _rest(matrix))
-        for item, n, matrix in zip(targets, count, stood, strict=True)
+        Followed(item, int(n), bool(np.linalg.det(matrix[:3, :3]) < 0.0), _rest(matrix), in_renders)
+        for item, n, matrix, in_renders in zip(targets, count, stood, finer, strict=True)
     ]
 
 
@@ -54,3 +73,23 @@ def follow_attributes(points: SurfacePoints, align: np.ndarray) -> dict[str, tup
         FACE_NORMAL: ("FLOAT_VECTOR", unit_vectors(normal)),
         ALIGN: ("FLOAT", align),
     }
+
+
+def rendered_attributes(
+    stuck: Mapping[str, tuple[str, np.ndarray]], divided: Sequence[Subdivision | None]
+) -> dict[str, tuple[str, np.ndarray]]:
+    """Return which vertices in renders those are around points; nothing where no target is subdivided further there.
+
+    Args:
+        stuck: The attributes that say which these are, and on which of several targets.
+        divided: How the targets are subdivided further in renders; None where they are not.
+    """
+    if not any(divided):
+        return {}
+    corner = np.stack([stuck[name][1] for name in CORNERS], axis=1)
+    target = stuck[TARGET][1] if TARGET in stuck else np.zeros(len(corner), np.int32)
+    for number, one in enumerate(divided):
+        if one is not None:
+            own = target == number
+            corner[own] = one.numbers_in_renders(corner[own])
+    return {name: ("INT", corner[:, k]) for k, name in enumerate(RENDERED_CORNERS)}

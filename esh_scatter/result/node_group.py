@@ -29,6 +29,7 @@ __all__ = [
     "HIDE_VIEWPORT",
     "INSTANCE_INDEX",
     "MADE_OF",
+    "RENDERED_CORNERS",
     "ROTATION",
     "ROUNDING",
     "SCALE",
@@ -36,6 +37,7 @@ __all__ = [
     "UP",
     "WEIGHTS",
     "Followed",
+    "InRenders",
     "Rest",
     "build_node_group",
     "classes_of",
@@ -64,6 +66,8 @@ HIDE_RENDER = "hide_render"
 # point of the ground was, and the triangle's first edge and normal, all in the world; and how far the object follows the slope.
 CORNERS, WEIGHTS, TARGET = ("esh_vertex_0", "esh_vertex_1", "esh_vertex_2"), "esh_barycentric", "esh_target"
 GROUND_POINT, EDGE, FACE_NORMAL, ALIGN = "ground_point", "ground_edge", "ground_face", "align"
+# The numbers that these vertices have in renders, where a target is subdivided further there; other results have no such attributes.
+RENDERED_CORNERS = ("esh_render_vertex_0", "esh_render_vertex_1", "esh_render_vertex_2")
 
 # The part of the way from that point of the ground to an object's origin that goes along the object's own axis: it leans as the object
 # does, and the rest as the ground does. What has none has no such attribute.
@@ -94,16 +98,25 @@ class Rest(NamedTuple):
     z: tuple[float, ...]
 
 
+class InRenders(NamedTuple):
+    """How a target was to be in renders when points were placed on it, subdivided further: to which level, with how many vertices."""
+
+    level: int
+    vertices: int
+
+
 class Followed(NamedTuple):
     """What points follow: a target, how many vertices it had, whether it was mirrored, which turns triangles over, and how it stood.
 
-    Groups of earlier versions do not look whether it is mirrored, or how it stands: there these are None.
+    Groups of earlier versions do not look whether it is mirrored, or how it stands: there these are None. The last one is None where
+    it had the same vertices in renders, or nobody knows which.
     """
 
     target: bpy.types.Object
     vertices: int
     mirrored: bool | None = False
     rest: Rest | None = None
+    in_renders: InRenders | None = None
 
 
 def show_input(class_name: str) -> str:
@@ -156,9 +169,8 @@ def followed_in(group: bpy.types.NodeTree) -> list[Followed]:
         item, told = info.inputs["Object"].default_value, _triangle_node(info)
         if told is not None:
             given = told.inputs
-            found.append(
-                Followed(item, given["vertices"].default_value, given["side"].default_value < 0.0, _rest_of(told))
-            )
+            mirrored = given["side"].default_value < 0.0
+            found.append(Followed(item, given["vertices"].default_value, mirrored, _rest_of(told), _in_renders(told)))
             continue
         # In files of earlier versions.
         sizes = [link.to_node for link in info.outputs["Geometry"].links]
@@ -199,6 +211,12 @@ def _rest_of(node: bpy.types.Node) -> Rest | None:
     return Rest(*(tuple(node.inputs[name].default_value) for name in Rest._fields)) if known else None
 
 
+def _in_renders(node: bpy.types.Node) -> InRenders | None:
+    """Return how a target was to be in renders, as the part says that finds its triangles; None where that was not known."""
+    given = node.inputs
+    return InRenders(given["level"].default_value, given["finer"].default_value) if "finer" in given else None
+
+
 def _mirrored_before(info: bpy.types.Node) -> bool | None:
     """Return whether a target was mirrored when points were placed on it, as its nodes say; None where they do not."""
     transformed = [link.to_node for link in info.outputs["Transform"].links]
@@ -212,7 +230,9 @@ def made_of(classes: Sequence[str], followed: Sequence[Followed]) -> str:
 
     How targets stand is not part of it: see :func:`put_at_rest`.
     """
-    told = [(one.target and one.target.session_uid, one.vertices, one.mirrored) for one in followed]
+    told = [
+        (one.target and one.target.session_uid, one.vertices, one.mirrored, *(one.in_renders or ())) for one in followed
+    ]
     return repr([list(classes), told, LAYOUT])
 
 
@@ -500,27 +520,35 @@ def _triangle_of_some(tree: Tree, followed: Sequence[Followed], names: Sequence[
         tree.link(tree.inputs[target], info.inputs["Object"])
         tree.column(2)
         rest = told.rest or Rest((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        finer = told.in_renders
+        more: dict[str, Any] = {} if finer is None else {"finer": finer.vertices, "level": finer.level}
         own = tree.part(
-            "Triangle of Target",
-            _triangle_now,
+            "Triangle of Target" if finer is None else "Triangle of Target, Finer in Renders",
+            _triangle_now if finer is None else _triangle_of_either,
             geometry=info.outputs["Geometry"],
             transform=info.outputs["Transform"],
             vertices=told.vertices,
             side=-1.0 if told.mirrored else 1.0,
             known=told.rest is not None,
             **rest._asdict(),
+            **more,
         )
         there.append(own[-1])
         found = own if not found else _of_its_own(tree, "EQUAL", number, found, own)
     return [*found, tree.either(*there)]
 
 
-def _triangle_now(tree: Tree) -> list[Socket]:
+def _triangle_of_either(tree: Tree) -> list[Socket]:
+    """Return what :func:`_triangle_now` does, also where the target is subdivided as it is in renders."""
+    return _triangle_now(tree, either=True)
+
+
+def _triangle_now(tree: Tree, either: bool = False) -> list[Socket]:
     """Return of every point's triangle where its first corner is now, the two edges from there, in the world.
 
     Then what weights its corners have; what mirrors where it was, if the target was mirrored since: factors of x, y and z; and whether
-    there is such a triangle. A mesh with other vertices than the points were placed on, as renders may have, moves them with the whole
-    target: their triangles are those that were there.
+    there is such a triangle. A mesh with other vertices than the points were placed on moves them with the whole target: their
+    triangles are those that were there. With ``either`` it may be as it is in renders, too.
     """
     inputs = tree.inputs
     transform = inputs["transform"]
@@ -528,10 +556,16 @@ def _triangle_now(tree: Tree) -> list[Socket]:
     tree.link(inputs["geometry"], size.inputs[0])
     count = size.outputs["Point Count"]
     same = tree.compare("EQUAL", count, inputs["vertices"], "INT")
+    finer = tree.compare("EQUAL", count, inputs["finer"], "INT") if either else None
     stands = tree.both(inputs["known"], tree.compare("GREATER_THAN", count, 0, "INT"))
     position = tree.call("GeometryNodeInputPosition")
     tree.column(2)
-    a, b, c = (_sampled(tree, inputs["geometry"], position, name) for name in CORNERS)
+    number = [tree.attribute(name, "INT") for name in CORNERS]
+    if finer is not None:
+        rendered = [tree.attribute(name, "INT") for name in RENDERED_CORNERS]
+        number = [tree.switch("INT", finer, *pair) for pair in zip(number, rendered, strict=True)]
+        same = tree.either(same, finer)
+    a, b, c = (_sampled(tree, inputs["geometry"], position, one) for one in number)
     rest = tree.part("Triangle at Rest", _triangle_at_rest, **{name: inputs[name] for name in Rest._fields})
     tree.column(3)
     # Edges between places in the world would have the rounding of their coordinates, which far from its origin is as long as
@@ -563,13 +597,13 @@ def _triangle_at_rest(tree: Tree) -> list[Socket]:
     return [tree.call("FunctionNodeTransformDirection", one, matrix.outputs[0]) for one in (away, edge, side)]
 
 
-def _sampled(tree: Tree, geometry: Socket, position: Socket, name: str) -> Socket:
-    """Return where the vertex that an attribute numbers is, as the target itself sees it."""
+def _sampled(tree: Tree, geometry: Socket, position: Socket, number: Socket) -> Socket:
+    """Return where the vertex of a number is, as the target itself sees it."""
     sampled = tree.add("GeometryNodeSampleIndex", data_type="FLOAT_VECTOR", domain="POINT")
     sockets = {socket.name: socket for socket in sampled.inputs if socket.enabled}
     tree.link(geometry, sockets["Geometry"])
     tree.link(position, sockets["Value"])
-    tree.link(tree.attribute(name, "INT"), sockets["Index"])
+    tree.link(number, sockets["Index"])
     return next(socket for socket in sampled.outputs if socket.enabled)
 
 

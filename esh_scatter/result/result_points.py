@@ -21,8 +21,9 @@ from ..classes.on_whole_surface import headings
 from ..classes.scatter_class import ScatterClass, color_of, standing_of
 from ..classes.sources import SizeShape, lowest_points, standing_on, variants_of
 from ..classes.standing import Ground, Stand, draw, stand, turns_towards
+from ..targets.subdivision import Subdivision
 from ..targets.targets import stuck_attributes
-from .following import follow_attributes
+from .following import follow_attributes, rendered_attributes
 from .kept_ground import BODY_ANGLE, BODY_LENGTH, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
 from .pins import add_pins
@@ -215,9 +216,21 @@ def _stand(ground: Ground, placement: Placement, classes: Sequence[ScatterClass]
 
 
 def point_attributes(
-    placement: Placement, points: ResultPoints, classes: Sequence[ScatterClass], settings: ScatterSettings
+    placement: Placement,
+    points: ResultPoints,
+    classes: Sequence[ScatterClass],
+    settings: ScatterSettings,
+    divided: Sequence[Subdivision | None],
 ) -> dict[str, tuple[str, np.ndarray]]:
-    """Return the attributes of a result's points that do not depend on its report: type and values by name; in any thread."""
+    """Return the attributes of a result's points that do not depend on its report: type and values by name; in any thread.
+
+    Args:
+        placement: Where the bodies are.
+        points: Where their objects are.
+        classes: What was asked.
+        settings: How the scatter is made.
+        divided: How its targets are subdivided further in renders; None where they are not.
+    """
     instances, ground = points.instances, points.ground
     colors = np.array([color_of(c) for c in classes], np.float32)
     align = np.array([standing_of(c, settings).align_to_normal for c in classes], np.float32)
@@ -235,6 +248,7 @@ def point_attributes(
         **follow_attributes(points.surface, align[placement.class_index]),
         **add_pins(placement.fixed, points.instances.position),
         **points.stuck,
+        **rendered_attributes(points.stuck, divided),
     }
 
 

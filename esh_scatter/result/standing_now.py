@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import bpy
@@ -21,6 +22,7 @@ from .node_group import (
     FACE_NORMAL,
     GROUND_POINT,
     HEIGHT,
+    RENDERED_CORNERS,
     ROTATION,
     ROUNDING,
     SCALE,
@@ -183,19 +185,21 @@ class _TargetNow(NamedTuple):
 
     Attributes:
         vertices: In the world, shape ``[n, 3]``; none where these are others than points were placed on.
+        corners: Which attributes number its vertices around points.
         over: Whether it was mirrored since.
         way: Where it is now from where its rest was: how directions are turned and scaled, ``[3, 3]``, the place then and the place
             now, ``[3]`` each; None where nobody knows.
     """
 
     vertices: np.ndarray
+    corners: Sequence[str]
     over: bool
     way: tuple[np.ndarray, np.ndarray, np.ndarray] | None
 
 
 def _target_now(told: Followed, context: bpy.types.Context) -> _TargetNow:
     """Return a target as it is shown; nothing of one that is gone or not evaluated."""
-    nothing = _TargetNow(np.empty((0, 3)), False, None)
+    nothing = _TargetNow(np.empty((0, 3)), CORNERS, False, None)
     if told.target is None:
         return nothing
     evaluated = told.target.evaluated_get(evaluated_depsgraph(context))
@@ -205,13 +209,15 @@ def _target_now(told: Followed, context: bpy.types.Context) -> _TargetNow:
     with evaluated_mesh(told.target, context) as mesh:
         if mesh is None or not len(mesh.vertices):
             return nothing
-        same = len(mesh.vertices) == told.vertices
+        finer = told.in_renders is not None and len(mesh.vertices) == told.in_renders.vertices
+        same = finer or len(mesh.vertices) == told.vertices
         vertices = vertices_in_world(mesh, matrix) if same else nothing.vertices
     over = told.mirrored is not None and told.mirrored != is_mirrored(told.target, context)
+    corners = RENDERED_CORNERS if finer else CORNERS
     if told.rest is None:
-        return _TargetNow(vertices, over, None)
+        return _TargetNow(vertices, corners, over, None)
     place, *rows = (np.array(row, np.float64) for row in told.rest)
-    return _TargetNow(vertices, over, (matrix[:3, :3] @ np.array(rows), place, matrix[:3, 3]))
+    return _TargetNow(vertices, corners, over, (matrix[:3, :3] @ np.array(rows), place, matrix[:3, 3]))
 
 
 class _Triangles(NamedTuple):
@@ -232,7 +238,6 @@ def _triangles_now(mesh: bpy.types.Mesh, number: np.ndarray, targets: list[_Targ
         read_attribute(mesh, name).astype(np.float64) for name in (GROUND_POINT, EDGE, FACE_NORMAL)
     )
     weights = read_attribute(mesh, WEIGHTS).astype(np.float64)
-    corners = np.stack([read_attribute(mesh, name) for name in CORNERS], axis=1)
     # Points that are not tied to the ground have no weights.
     tied = np.linalg.norm(weights, axis=1) > 0.0
     ground, edge, side = before.copy(), edge_before.copy(), np.cross(normal_before, edge_before)
@@ -240,7 +245,7 @@ def _triangles_now(mesh: bpy.types.Mesh, number: np.ndarray, targets: list[_Targ
     for which, target in enumerate(targets):
         own = np.flatnonzero(tied & (number == which))
         if len(target.vertices):
-            a, b, c = (target.vertices[corners[own, k]] for k in range(3))
+            a, b, c = (target.vertices[read_attribute(mesh, name)[own]] for name in target.corners)
             edge[own], side[own] = b - a, c - a
             ground[own] = a + weights[own, 1:2] * edge[own] + weights[own, 2:3] * side[own]
         elif target.way is not None:

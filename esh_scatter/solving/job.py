@@ -51,6 +51,7 @@ from ..result.pins import Pins, lost_with_target, read_pins
 from ..result.result import CLASS_NAMES, find_result, write_result
 from ..result.result_points import ResultPoints, overlap_attributes, point_attributes, result_points
 from ..targets.references import Reference
+from ..targets.subdivision import read_subdivision
 from ..targets.target import RESULT_TARGET, check_exists, is_result, world_matrix
 from ..targets.targets import Target, Targets, read_targets
 from .obstacles import ObstacleSource, StoredObstacle, obstacles_in, read_obstacles
@@ -211,6 +212,7 @@ class ScatterJob:
         del self._given_obstacles
         ground = read_targets(targets, context, names, self.settings, vectors)
         self._stood = [world_matrix(item, context) for item in targets]
+        self._divided = [read_subdivision(item, context) for item in targets]
         return _Reading(ground, sources, densities, directions, obstacles, pins)
 
     def _pins(self, own: bpy.types.Object, sources: Sequence[Sequence[SizeSource]]) -> tuple[Pins, np.ndarray] | None:
@@ -376,7 +378,7 @@ class ScatterJob:
             placement = _with_note(placement, self._lost)
         self._points = points
         self.placement = placement
-        self._attributes = points, point_attributes(placement, points, self.classes, self.settings)
+        self._attributes = points, self._point_attributes(placement, points)
 
     def _upright_on_walls(self, placement: Placement) -> str:
         """Return the names of classes that keep apart on walls and stand upright there, in quotes."""
@@ -449,8 +451,11 @@ class ScatterJob:
     def _attributes_of(self, placement: Placement, points: ResultPoints) -> dict[str, tuple[str, np.ndarray]]:
         """Return the attributes of :attr:`placement`'s points."""
         if self._attributes is None or self._attributes[0] is not points:
-            self._attributes = points, point_attributes(placement, points, self.classes, self.settings)
+            self._attributes = points, self._point_attributes(placement, points)
         return {**self._attributes[1], **overlap_attributes(placement)}
+
+    def _point_attributes(self, placement: Placement, points: ResultPoints) -> dict[str, tuple[str, np.ndarray]]:
+        return point_attributes(placement, points, self.classes, self.settings, self._divided)
 
     def _result_points(self, placement: Placement) -> ResultPoints:
         return result_points(placement, self.problem, self.chart, self.classes, self._shapes, self.settings)
@@ -482,7 +487,7 @@ class ScatterJob:
             points.instances.position,
             self._attributes_of(self.placement, points),
             [c.name for c in self.classes],
-            followed(self._targets.objects, points.surface.view.mesh, self._stood),
+            followed(self._targets.objects, points.surface.view.mesh, self._stood, self._divided),
         )
         names = [[c.name for c in self.classes], [[size.name for size in c.sizes] for c in self.classes]]
         item[CLASS_NAMES] = json.dumps(names)

@@ -12,7 +12,8 @@ from esh.esh_scatter.result.display import followed_targets, get_inputs, our_mod
 from esh.esh_scatter.result.exchange import _read_result  # noqa: E402
 from esh.esh_scatter.result.replaced_data import Replaced, owned_by  # noqa: E402
 from esh.esh_scatter.result.standing_now import standing_now  # noqa: E402
-from mathutils import Matrix, Quaternion  # noqa: E402
+from mathutils import Matrix, Quaternion, Vector  # noqa: E402
+from mathutils.bvhtree import BVHTree  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -202,6 +203,143 @@ def test_it_goes_with_a_target_whose_mesh_has_other_vertices_now(scattered, way)
     order = np.linalg.norm(told.position[None] - after[:, None, :3, 3], axis=2).argmin(axis=1)
     np.testing.assert_allclose(told.position[order], after[:, :3, 3], atol=2e-5)
     np.testing.assert_allclose(told.axes[order], after[:, :3, :3], atol=2e-4)
+
+
+def bent_in_other_ways(ground, way):
+    """Have a target bend; return what does so once it is called."""
+    if way == "shape keys":
+        ground.shape_key_add(name="Basis")
+        bent = ground.shape_key_add(name="Bent")
+        bent.value = 0.0
+        for point in bent.data:
+            point.co.z += 0.05 * point.co.x**2
+            point.co.y += 0.4 * math.sin(0.7 * point.co.x)
+        return lambda: setattr(bent, "value", 1.0)
+    if way == "wave":
+        wave = ground.modifiers.new("Wave", "WAVE")
+        wave.height, wave.width, wave.narrowness = 0.0, 8.0, 0.25
+        wave.time_offset = -40.0
+        return lambda: setattr(wave, "height", 1.0)
+    rig = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    bpy.context.scene.collection.objects.link(rig)
+    bpy.context.view_layer.objects.active = rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    for name, start in (("Lower", 0.0), ("Upper", 10.0)):
+        bone = rig.data.edit_bones.new(name)
+        bone.head, bone.tail = (start, 10.0, 0.0), (start + 10.0, 10.0, 0.0)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    for name, side in (("Lower", -1.0), ("Upper", 1.0)):
+        group = ground.vertex_groups.new(name=name)
+        for vertex in ground.data.vertices:
+            group.add([vertex.index], min(max(0.5 + 0.25 * side * (vertex.co.x - 10.0), 0.0), 1.0), "REPLACE")
+    ground.modifiers.new("Armature", "ARMATURE").object = rig
+    rig.pose.bones["Upper"].rotation_mode = "XYZ"
+    return lambda: setattr(rig.pose.bones["Upper"], "rotation_euler", (0.2, 0.1, 0.3))
+
+
+def heights_above(ground, places):
+    """Return how far places are from a target as it is now, shape ``[n]``, and where it looks to there."""
+    bpy.context.view_layer.update()
+    mesh = ground.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+    tree = BVHTree.FromPolygons([v.co for v in mesh.vertices], [list(face.vertices) for face in mesh.polygons])
+    found = [tree.find_nearest(ground.matrix_world.inverted() @ Vector(place)) for place in places]
+    normal = np.array([(ground.matrix_world.to_3x3().inverted().transposed() @ one[1]).normalized() for one in found])
+    nearest = np.array([ground.matrix_world @ one[0] for one in found])
+    return np.linalg.norm(nearest - places, axis=1), normal
+
+
+@pytest.mark.parametrize("way", ["shape keys", "wave", "armature"])
+@pytest.mark.parametrize(("level", "rendered", "far"), [(0, 2, 0.2), (1, 2, 0.06), (1, 3, 0.06), (2, 3, 0.02)])
+def test_it_bends_with_a_target_that_is_subdivided_further_in_renders(scattered, way, level, rendered, far):
+    """They followed in the viewport, and were left behind in the picture; faces are 2 m wide before they are divided."""
+    ground, item = bpy.data.objects["Ground"], scattered.object
+    bend = bent_in_other_ways(ground, way)
+    divided = ground.modifiers.new("Divided", "SUBSURF")
+    divided.levels, divided.render_levels = level, rendered
+    assert esh.scatter(ground, asked(), device="cpu", max_steps=5).object == item
+    before = matrices(item)
+    divided.levels = rendered
+    bpy.context.view_layer.update()
+    if level:
+        # Vertices of a level are where they were in a finer one.
+        np.testing.assert_allclose(matrices(item), before, atol=1e-6)
+    divided.levels = level
+    bend()
+    bpy.context.view_layer.update()
+    seen = matrices(item)
+    assert np.abs(seen - before)[:, :3, 3].max() > 0.5
+    divided.levels = rendered
+    bpy.context.view_layer.update()
+    after, stones = matrices(item), classes_of(item)
+    if level:
+        np.testing.assert_allclose(after, seen, atol=1e-5)
+    away, _ = heights_above(ground, after[~stones][:, :3, 3])
+    assert away.max() < far
+    foot = after[stones][:, :3, 3] - 0.1 * after[stones][:, :3, 2]
+    away, normal = heights_above(ground, foot)
+    assert away.max() < far
+    along = (normal * after[stones][:, :3, 2]).sum(axis=1)
+    assert np.median(along) > 0.98 and along.min() > (0.95 if level else 0.75)
+    told = standing_now(item, bpy.context)
+    order = np.linalg.norm(told.position[None] - after[:, None, :3, 3], axis=2).argmin(axis=1)
+    np.testing.assert_allclose(told.position[order], after[:, :3, 3], atol=2e-5)
+    np.testing.assert_allclose(told.axes[order], after[:, :3, :3], atol=2e-4)
+
+
+@pytest.mark.parametrize("surface", ["above", "whole"])
+def test_each_of_several_targets_is_followed_to_the_level_that_it_has_in_renders(surface):
+    grounds = [hills() for _ in range(3)]
+    for number, (ground, levels) in enumerate(zip(grounds, ((1, 2), (1, 1), (0, 1)), strict=True)):
+        ground.location.x = 30.0 * number
+        ground.shape_key_add(name="Basis")
+        divided = ground.modifiers.new("Divided", "SUBSURF")
+        divided.levels, divided.render_levels = levels
+        divided.subdivision_type = "SIMPLE"
+    grounds[0].scale.x = -1.0
+    bpy.context.view_layer.update()
+    stone = new_object("Stone", [(0.06, 0, 0), (-0.04, 0.05, 0), (-0.04, -0.05, 0)], [(0, 1, 2)])
+    standing = esh.Standing(align_to_normal=1.0)
+    asked = [esh.ScatterClass("stone", [esh.ScatterSize("s", 90, stone)], standing=standing)]
+    item = esh.scatter(grounds, asked, surface=surface, device="cpu", max_steps=3).object
+    assert [one.in_renders for one in followed_targets(our_modifier(item))] == [(2, 1681), None, (1, 441)]
+    before = matrices(item)
+    for ground in grounds:
+        bent = ground.shape_key_add(name="Bent")
+        bent.value = 1.0
+        for point in bent.data:
+            point.co.z += 0.05 * point.co.x**2
+    bpy.context.view_layer.update()
+    seen = matrices(item)
+    for ground in grounds:
+        ground.modifiers[0].levels = ground.modifiers[0].render_levels
+    bpy.context.view_layer.update()
+    after = matrices(item)
+    assert all((np.abs(seen - before)[abs(before[:, 0, 3] - x) < 11.0, 2, 3] > 1.0).any() for x in (-10, 40, 70))
+    np.testing.assert_allclose(after, seen, atol=2e-5)
+
+
+def test_a_target_to_which_further_levels_mean_nothing_goes_as_a_whole(scattered):
+    """Its points know of one level in renders: of any other, and of a mirror behind it, they know nothing."""
+    ground, item = bpy.data.objects["Ground"], scattered.object
+    divided = ground.modifiers.new("Divided", "SUBSURF")
+    esh.scatter(ground, asked(), device="cpu", max_steps=5)
+    before = matrices(item)
+    for vertex in ground.data.vertices:
+        vertex.co.z += 1.0
+    divided.levels = 3
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(matrices(item), before, atol=1e-5)
+    divided.levels = 2
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(matrices(item)[:, 2, 3], before[:, 2, 3] + 1.0, atol=1e-4)
+    divided.levels = 1
+    esh.scatter(ground, asked(), device="cpu", max_steps=5)
+    assert "esh_render_vertex_0" in item.data.attributes
+    ground.modifiers.new("Mirror", "MIRROR")
+    bpy.context.view_layer.update()
+    esh.scatter(ground, asked(), device="cpu", max_steps=5)
+    assert followed_targets(our_modifier(item))[0].in_renders is None
+    assert "esh_render_vertex_0" not in item.data.attributes
 
 
 def parent(item, to):
@@ -463,6 +601,43 @@ def test_renders_are_whole_unless_they_are_told_otherwise(scattered, tmp_path):
     whole = covered()
     assert whole > 0.0 and covered(Share=0.0, Display="Points") == pytest.approx(whole)
     assert covered(In_Renders=True, Display="Objects") == 0.0
+
+
+def test_in_a_picture_it_stands_where_the_viewport_shows_it_on_a_target_that_bends_and_is_subdivided_further(
+    scattered, tmp_path
+):
+    """Seen as Cycles does: what the picture shows is the same as where the target has the same level there."""
+    ground = bpy.data.objects["Ground"]
+    bend = bent_in_other_ways(ground, "shape keys")
+    divided = ground.modifiers.new("Divided", "SUBSURF")
+    esh.scatter(ground, asked(), device="cpu", max_steps=5)
+    bend()
+    scene = bpy.context.scene
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    # From the side, so that heights are seen.
+    camera.data.type, camera.data.ortho_scale, camera.location = "ORTHO", 30.0, (10.0, -30.0, 10.0)
+    camera.rotation_euler = (math.pi / 2.0, 0.0, 0.0)
+    scene.camera = camera
+    for name in ("Ground", "Tree", "Stone"):
+        bpy.data.objects[name].hide_render = True
+    scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 1, "CPU"
+    scene.render.film_transparent, scene.render.resolution_x, scene.render.resolution_y = True, 128, 128
+    scene.render.filepath = str(tmp_path / "seen.png")
+
+    def picture(rendered):
+        divided.render_levels = rendered
+        bpy.ops.render.render(write_still=True)
+        image = bpy.data.images.load(scene.render.filepath)
+        alpha = np.empty(len(image.pixels), np.float32)
+        image.pixels.foreach_get(alpha)
+        bpy.data.images.remove(image)
+        return alpha[3::4]
+
+    expected = picture(1)
+    assert 0.0 < expected.mean() < 0.5
+    np.testing.assert_allclose(picture(2), expected, atol=0.01)
+    assert np.abs(picture(3) - expected).max() > 0.9, "points were placed for another level: they are left behind"
 
 
 @pytest.mark.parametrize("number", [0, 7, 8, 20])

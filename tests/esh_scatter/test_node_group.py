@@ -11,7 +11,11 @@ from esh.esh_scatter.result.node_group import (  # noqa: E402
     ROTATION,
     SCALE,
     Followed,
+    InRenders,
+    Rest,
     build_node_group,
+    followed_in,
+    made_of,
     placed_objects,
 )
 from esh.esh_scatter.targets.target import RESULT_TAG  # noqa: E402
@@ -120,6 +124,17 @@ def test_no_tree_is_so_large_that_building_it_is_noticed():
     # One for each source, and one for each class.
     assert len(many.nodes) == few["Few"] + 2 * 19
     assert placed_objects(many) == [tree] * 20
+
+
+def test_only_a_target_that_is_subdivided_further_in_renders_has_nodes_for_that():
+    tree = source("Tree")
+    rest = Rest((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    told = [Followed(tree, 3, False, rest), Followed(tree, 9, True, rest, InRenders(3, 81))]
+    one, both = build_node_group("G", [], (), told[:1]), build_node_group("G", [], (), told)
+    plain, (finer,) = set(inner(one)), set(inner(both)) - set(inner(one)) - {parts_of(both)[0]}
+    assert not any("Finer" in part.name for part in plain) and "Finer" in finer.name
+    assert [found[1:] for found in followed_in(both)] == [asked[1:] for asked in told]
+    assert len({made_of((), [asked]) for asked in (*told, told[1]._replace(in_renders=InRenders(4, 289)))}) == 3
 
 
 def test_parts_are_shared_and_go_with_the_last_group_that_has_them():
