@@ -17,6 +17,8 @@ __all__ = ["DIVIDES", "Subdivision", "levels_apart", "read_subdivision"]
 
 # Modifiers that divide faces, to one level in the viewport and to another one in renders.
 DIVIDES = ("SUBSURF", "MULTIRES")
+# As many vertices as Blender can number.
+MOST_VERTICES = 2**31 - 1
 # Modifiers that leave vertices their numbers, whatever they are told to do.
 _KEEPS_NUMBERS = {
     *("ARMATURE", "CAST", "CLOTH", "COLLISION", "CORRECTIVE_SMOOTH", "CURVE", "DATA_TRANSFER", "DISPLACE", "HOOK"),
@@ -46,27 +48,37 @@ class Subdivision(NamedTuple):
     @property
     def vertices_in_renders(self) -> int:
         """How many vertices the mesh has in renders."""
-        parts = 2**self.rendered
-        return self.vertices + self.edges * (parts - 1) + int(_within(self.sides, parts).sum())
+        return self._vertices_at(self.rendered)
+
+    def _vertices_at(self, level: int) -> int:
+        parts = 2**level
+        within = int(_within(self.sides, parts).sum()) if level else 0
+        return self.vertices + self.edges * (parts - 1) + within
 
     def numbers_in_renders(self, vertex: np.ndarray) -> np.ndarray:
         """Return the numbers that vertices have in renders, of any shape, from those in the viewport."""
+        count = self._vertices_at(self.level)
+        if vertex.size > count:
+            return self._numbers(np.arange(count, dtype=np.int32))[vertex]
+        return self._numbers(vertex)
+
+    def _numbers(self, vertex: np.ndarray) -> np.ndarray:
         parts, finer = 2**self.level, 2**self.rendered
         times = finer // parts
-        found = np.array(vertex, np.int64)
         within_faces = self.vertices + self.edges * (parts - 1)
-        own = (found >= self.vertices) & (found < within_faces)
+        found = vertex.astype(np.int32)
+        own = (vertex >= self.vertices) & (vertex < within_faces)
         if own.any():
             edge, step = np.divmod(found[own] - self.vertices, parts - 1)
             found[own] = self.vertices + edge * (finer - 1) + (step + 1) * times - 1
-        own = np.asarray(vertex) >= within_faces
+        own = vertex >= within_faces
         if own.any():
             first, first_finer = (np.cumsum(_within(self.sides, n)) - _within(self.sides, n) for n in (parts, finer))
-            number = np.asarray(vertex)[own] - within_faces
+            number = vertex[own] - within_faces
             face = np.searchsorted(first, number, side="right") - 1
             inner = _finer_within(self.sides[face] == 4, number - first[face], parts, times)
             found[own] = self.vertices + self.edges * (finer - 1) + first_finer[face] + inner
-        return found.astype(np.int32)
+        return found
 
 
 def _within(sides: np.ndarray, parts: int) -> np.ndarray:
@@ -116,11 +128,8 @@ def read_subdivision(target: bpy.types.Object, context: bpy.types.Context) -> Su
     with evaluated_mesh(target, context) as mesh:
         if mesh is None or not len(mesh.polygons):
             return None
-        if level:
-            return _divided(mesh, level, rendered)
-        sides = np.empty(len(mesh.polygons), np.int32)
-        mesh.polygons.foreach_get("loop_total", sides)
-        return Subdivision(0, rendered, len(mesh.vertices), len(mesh.edges), sides)
+        found = _divided(mesh, level, rendered) if level else _undivided(mesh, rendered)
+    return found if found is not None and found.vertices_in_renders <= MOST_VERTICES else None
 
 
 def _is_otherwise_alike(target: bpy.types.Object, render: bpy.types.RenderSettings, apart: tuple[int, int]) -> bool:
@@ -133,6 +142,13 @@ def _is_otherwise_alike(target: bpy.types.Object, render: bpy.types.RenderSettin
     # Where nothing is divided in the viewport, its mesh does not show what becomes of the numbers afterwards.
     lost = any(one.type in DIVIDES or (not apart[0] and one.type not in _KEEPS_NUMBERS) for one in after)
     return not lost and all(one.type in DIVIDES or one.show_viewport == one.show_render for one in others)
+
+
+def _undivided(mesh: bpy.types.Mesh, rendered: int) -> Subdivision:
+    """Return how a mesh is divided in renders that is not in the viewport."""
+    sides = np.empty(len(mesh.polygons), np.int32)
+    mesh.polygons.foreach_get("loop_total", sides)
+    return Subdivision(0, rendered, len(mesh.vertices), len(mesh.edges), sides)
 
 
 def _divided(mesh: bpy.types.Mesh, level: int, rendered: int) -> Subdivision | None:

@@ -286,6 +286,24 @@ def test_it_bends_with_a_target_that_is_subdivided_further_in_renders(scattered,
     np.testing.assert_allclose(told.axes[order], after[:, :3, :3], atol=2e-4)
 
 
+@pytest.mark.parametrize("shape", ["cube", "hills"])
+def test_what_was_placed_on_a_mesh_that_is_subdivided_in_renders_only_is_nearer_to_what_is_seen_there(shape):
+    """Its vertices move towards the smooth surface: objects sink by less than they stood above it."""
+    if shape == "cube":
+        bpy.ops.mesh.primitive_cube_add()
+    ground = bpy.context.object if shape == "cube" else hills()
+    divided = ground.modifiers.new("Divided", "SUBSURF")
+    divided.levels, divided.render_levels = 0, 2
+    stone = new_object("Stone", [(0.06, 0, 0), (-0.04, 0.05, 0), (-0.04, -0.05, 0)], [(0, 1, 2)])
+    stones = [esh.ScatterClass("stone", [esh.ScatterSize("s", 300, stone, area=0.001)])]
+    item = esh.scatter(ground, stones, surface="whole", device="cpu", max_steps=5).object
+    before = matrices(item)[:, :3, 3]
+    divided.levels = 2
+    stayed, _ = heights_above(ground, before)
+    moved, _ = heights_above(ground, matrices(item)[:, :3, 3])
+    assert moved.mean() < 0.9 * stayed.mean() and moved.max() < stayed.max()
+
+
 @pytest.mark.parametrize("surface", ["above", "whole"])
 def test_each_of_several_targets_is_followed_to_the_level_that_it_has_in_renders(surface):
     grounds = [hills() for _ in range(3)]

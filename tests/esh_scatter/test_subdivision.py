@@ -64,6 +64,7 @@ def test_every_vertex_is_found_where_it_is_among_those_of_a_finer_level(kind, le
     assert found is not None and found.vertices_in_renders == len(there)
     number = found.numbers_in_renders(np.arange(len(here)))
     assert len(np.unique(number)) == len(number)
+    np.testing.assert_array_equal(found.numbers_in_renders(np.tile(np.arange(len(here)), 3)), np.tile(number, 3))
     if level or kind == "SIMPLE":
         np.testing.assert_allclose(there[number], here, atol=1e-6)
     else:  # smoothing moves what was not smooth before
@@ -117,6 +118,16 @@ def test_nothing_is_known_where_more_than_one_thing_differs_in_renders():
     assert read_subdivision(item, bpy.context) is None, "the same in renders"
     divided.render_levels = 0
     assert read_subdivision(item, bpy.context) is None, "coarser"
+
+
+@pytest.mark.parametrize("level", [0, 1])
+def test_nothing_is_known_of_more_vertices_than_can_be_numbered(level):
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=100, y_subdivisions=100)
+    item = bpy.context.object
+    divided = divide(item, level, 8)
+    assert read_subdivision(item, bpy.context) is not None
+    divided.render_levels = 9
+    assert read_subdivision(item, bpy.context) is None
 
 
 def test_levels_are_those_that_the_scene_allows_and_none_where_a_modifier_is_hidden():
