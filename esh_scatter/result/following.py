@@ -16,15 +16,15 @@ from .node_group import (
     CORNERS,
     EDGE,
     FACE_NORMAL,
+    FINER_CORNERS,
     GROUND_POINT,
-    RENDERED_CORNERS,
     TARGET,
+    Finer,
     Followed,
-    InRenders,
     Rest,
 )
 
-__all__ = ["follow_attributes", "followed", "rendered_attributes"]
+__all__ = ["finer_attributes", "follow_attributes", "followed"]
 
 
 def followed(
@@ -39,13 +39,13 @@ def followed(
         targets: In the order of ``esh_target``.
         mesh: All of them as one.
         stood: Their matrices when they were read, shape ``[4, 4]``.
-        divided: How they are subdivided further in renders; None where they are not.
+        divided: How they are subdivided; None where they are not.
     """
-    finer = [one and InRenders(one.rendered, one.vertices_in_renders) for one in divided]
+    finer = [one and Finer(one.level, one.finer_counts()) for one in divided]
     count = np.diff([*mesh.first_vertex, len(mesh.position)])
     return [
-        Followed(item, int(n), bool(np.linalg.det(matrix[:3, :3]) < 0.0), _rest(matrix), in_renders)
-        for item, n, matrix, in_renders in zip(targets, count, stood, finer, strict=True)
+        Followed(item, int(n), bool(np.linalg.det(matrix[:3, :3]) < 0.0), _rest(matrix), further)
+        for item, n, matrix, further in zip(targets, count, stood, finer, strict=True)
     ]
 
 
@@ -75,21 +75,25 @@ def follow_attributes(points: SurfacePoints, align: np.ndarray) -> dict[str, tup
     }
 
 
-def rendered_attributes(
+def finer_attributes(
     stuck: Mapping[str, tuple[str, np.ndarray]], divided: Sequence[Subdivision | None]
 ) -> dict[str, tuple[str, np.ndarray]]:
-    """Return which vertices in renders those are around points; nothing where no target is subdivided further there.
+    """Return what leads to the vertices around points where targets are subdivided further; nothing where none is at all.
 
     Args:
-        stuck: The attributes that say which these are, and on which of several targets.
-        divided: How the targets are subdivided further in renders; None where they are not.
+        stuck: The attributes that say which vertices these are, and on which of several targets.
+        divided: How the targets are subdivided; None where they are not.
     """
     if not any(divided):
         return {}
-    corner = np.stack([stuck[name][1] for name in CORNERS], axis=1)
-    target = stuck[TARGET][1] if TARGET in stuck else np.zeros(len(corner), np.int32)
+    corner = np.stack([stuck[name][1] for name in CORNERS])
+    found = np.zeros((2, *corner.shape), np.int32)
     for number, one in enumerate(divided):
         if one is not None:
-            own = target == number
-            corner[own] = one.numbers_in_renders(corner[own])
-    return {name: ("INT", corner[:, k]) for k, name in enumerate(RENDERED_CORNERS)}
+            own = np.flatnonzero(stuck[TARGET][1] == number) if TARGET in stuck else slice(None)
+            found[:, :, own] = one.finer_numbers(corner[:, own])
+    return {
+        name: ("INT", values)
+        for names, all_values in zip(FINER_CORNERS, found, strict=True)
+        for name, values in zip(names, all_values, strict=True)
+    }

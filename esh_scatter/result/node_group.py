@@ -14,6 +14,7 @@ import bpy
 
 from ..classes.node_tree import PART, Socket, Tree, parts_of, remove_unused
 from ..classes.shown_geometry import as_it_stands, source_instance
+from ..targets.subdivision import FURTHER
 from ..targets.target import RESULT_TAG, head_of, shown_collection
 
 __all__ = [
@@ -23,21 +24,21 @@ __all__ = [
     "EDGE",
     "FACE_NORMAL",
     "FAMILY",
+    "FINER_CORNERS",
     "GROUND_POINT",
     "HEIGHT",
     "HIDE_RENDER",
     "HIDE_VIEWPORT",
     "INSTANCE_INDEX",
     "MADE_OF",
-    "RENDERED_CORNERS",
     "ROTATION",
     "ROUNDING",
     "SCALE",
     "TARGET",
     "UP",
     "WEIGHTS",
+    "Finer",
     "Followed",
-    "InRenders",
     "Rest",
     "build_node_group",
     "classes_of",
@@ -66,8 +67,12 @@ HIDE_RENDER = "hide_render"
 # point of the ground was, and the triangle's first edge and normal, all in the world; and how far the object follows the slope.
 CORNERS, WEIGHTS, TARGET = ("esh_vertex_0", "esh_vertex_1", "esh_vertex_2"), "esh_barycentric", "esh_target"
 GROUND_POINT, EDGE, FACE_NORMAL, ALIGN = "ground_point", "ground_edge", "ground_face", "align"
-# The numbers that these vertices have in renders, where a target is subdivided further there; other results have no such attributes.
-RENDERED_CORNERS = ("esh_render_vertex_0", "esh_render_vertex_1", "esh_render_vertex_2")
+# What leads to the numbers of these vertices where a target that is subdivided is so further, as in renders; results on others have no
+# such attributes. With its edges cut into 1 + t times as many parts a number is vertex + t * (step + t * square).
+FINER_CORNERS = (
+    ("esh_finer_step_0", "esh_finer_step_1", "esh_finer_step_2"),
+    ("esh_finer_square_0", "esh_finer_square_1", "esh_finer_square_2"),
+)
 
 # The part of the way from that point of the ground to an object's origin that goes along the object's own axis: it leans as the object
 # does, and the rest as the ground does. What has none has no such attribute.
@@ -85,6 +90,8 @@ MOST_TOGETHER = 8
 # Radius of points, as a share of the objects' scale [m].
 POINT_RADIUS = 0.1
 UP = (0.0, 0.0, 1.0)
+# Inputs of a part: how many vertices a target has at finer levels.
+_FINER_COUNTS = tuple(f"finer_{more}" for more in range(1, FURTHER + 1))
 # Of a ground point that has not moved, what float32 may make of it, as a share of its distance from the origin.
 ROUNDING = 3e-7
 
@@ -98,25 +105,25 @@ class Rest(NamedTuple):
     z: tuple[float, ...]
 
 
-class InRenders(NamedTuple):
-    """How a target was to be in renders when points were placed on it, subdivided further: to which level, with how many vertices."""
+class Finer(NamedTuple):
+    """How far a target was subdivided when points were placed on it, and how many vertices it has at each finer level."""
 
     level: int
-    vertices: int
+    vertices: tuple[int, ...]
 
 
 class Followed(NamedTuple):
     """What points follow: a target, how many vertices it had, whether it was mirrored, which turns triangles over, and how it stood.
 
-    Groups of earlier versions do not look whether it is mirrored, or how it stands: there these are None. The last one is None where
-    it had the same vertices in renders, or nobody knows which.
+    Groups of earlier versions do not look whether it is mirrored, or how it stands: there these are None. The last one is None of what
+    is not subdivided, and where that says nothing of its vertices.
     """
 
     target: bpy.types.Object
     vertices: int
     mirrored: bool | None = False
     rest: Rest | None = None
-    in_renders: InRenders | None = None
+    finer: Finer | None = None
 
 
 def show_input(class_name: str) -> str:
@@ -170,7 +177,7 @@ def followed_in(group: bpy.types.NodeTree) -> list[Followed]:
         if told is not None:
             given = told.inputs
             mirrored = given["side"].default_value < 0.0
-            found.append(Followed(item, given["vertices"].default_value, mirrored, _rest_of(told), _in_renders(told)))
+            found.append(Followed(item, given["vertices"].default_value, mirrored, _rest_of(told), _finer_of(told)))
             continue
         # In files of earlier versions.
         sizes = [link.to_node for link in info.outputs["Geometry"].links]
@@ -211,10 +218,13 @@ def _rest_of(node: bpy.types.Node) -> Rest | None:
     return Rest(*(tuple(node.inputs[name].default_value) for name in Rest._fields)) if known else None
 
 
-def _in_renders(node: bpy.types.Node) -> InRenders | None:
-    """Return how a target was to be in renders, as the part says that finds its triangles; None where that was not known."""
+def _finer_of(node: bpy.types.Node) -> Finer | None:
+    """Return how far a target was subdivided, as the part says that finds its triangles; None where it does not say so."""
     given = node.inputs
-    return InRenders(given["level"].default_value, given["finer"].default_value) if "finer" in given else None
+    if "level" not in given:
+        return None
+    counts = (given[name].default_value for name in _FINER_COUNTS)
+    return Finer(given["level"].default_value, tuple(count for count in counts if count > 0))
 
 
 def _mirrored_before(info: bpy.types.Node) -> bool | None:
@@ -230,9 +240,7 @@ def made_of(classes: Sequence[str], followed: Sequence[Followed]) -> str:
 
     How targets stand is not part of it: see :func:`put_at_rest`.
     """
-    told = [
-        (one.target and one.target.session_uid, one.vertices, one.mirrored, *(one.in_renders or ())) for one in followed
-    ]
+    told = [(one.target and one.target.session_uid, one.vertices, one.mirrored, *(one.finer or ())) for one in followed]
     return repr([list(classes), told, LAYOUT])
 
 
@@ -520,11 +528,13 @@ def _triangle_of_some(tree: Tree, followed: Sequence[Followed], names: Sequence[
         tree.link(tree.inputs[target], info.inputs["Object"])
         tree.column(2)
         rest = told.rest or Rest((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-        finer = told.in_renders
-        more: dict[str, Any] = {} if finer is None else {"finer": finer.vertices, "level": finer.level}
+        more: dict[str, Any] = {}
+        if told.finer is not None:
+            counts = (*told.finer.vertices, *[-1] * FURTHER)
+            more = {"level": told.finer.level, **dict(zip(_FINER_COUNTS, counts, strict=False))}
         own = tree.part(
-            "Triangle of Target" if finer is None else "Triangle of Target, Finer in Renders",
-            _triangle_now if finer is None else _triangle_of_either,
+            "Triangle of Divided Target" if more else "Triangle of Target",
+            _triangle_of_any_level if more else _triangle_now,
             geometry=info.outputs["Geometry"],
             transform=info.outputs["Transform"],
             vertices=told.vertices,
@@ -538,17 +548,17 @@ def _triangle_of_some(tree: Tree, followed: Sequence[Followed], names: Sequence[
     return [*found, tree.either(*there)]
 
 
-def _triangle_of_either(tree: Tree) -> list[Socket]:
-    """Return what :func:`_triangle_now` does, also where the target is subdivided as it is in renders."""
-    return _triangle_now(tree, either=True)
+def _triangle_of_any_level(tree: Tree) -> list[Socket]:
+    """Return what :func:`_triangle_now` does, also where the target is subdivided further than it was."""
+    return _triangle_now(tree, divided=True)
 
 
-def _triangle_now(tree: Tree, either: bool = False) -> list[Socket]:
+def _triangle_now(tree: Tree, divided: bool = False) -> list[Socket]:
     """Return of every point's triangle where its first corner is now, the two edges from there, in the world.
 
     Then what weights its corners have; what mirrors where it was, if the target was mirrored since: factors of x, y and z; and whether
     there is such a triangle. A mesh with other vertices than the points were placed on moves them with the whole target: their
-    triangles are those that were there. With ``either`` it may be as it is in renders, too.
+    triangles are those that were there; where it is ``divided`` it may be so further.
     """
     inputs = tree.inputs
     transform = inputs["transform"]
@@ -556,15 +566,15 @@ def _triangle_now(tree: Tree, either: bool = False) -> list[Socket]:
     tree.link(inputs["geometry"], size.inputs[0])
     count = size.outputs["Point Count"]
     same = tree.compare("EQUAL", count, inputs["vertices"], "INT")
-    finer = tree.compare("EQUAL", count, inputs["finer"], "INT") if either else None
     stands = tree.both(inputs["known"], tree.compare("GREATER_THAN", count, 0, "INT"))
     position = tree.call("GeometryNodeInputPosition")
     tree.column(2)
-    number = [tree.attribute(name, "INT") for name in CORNERS]
-    if finer is not None:
-        rendered = [tree.attribute(name, "INT") for name in RENDERED_CORNERS]
-        number = [tree.switch("INT", finer, *pair) for pair in zip(number, rendered, strict=True)]
-        same = tree.either(same, finer)
+    if divided:
+        counts = {name: inputs[name] for name in _FINER_COUNTS}
+        *number, further = tree.part("Vertices of Finer Levels", _numbers_now, count=count, **counts)
+        same = tree.either(same, further)
+    else:
+        number = [tree.attribute(name, "INT") for name in CORNERS]
     a, b, c = (_sampled(tree, inputs["geometry"], position, one) for one in number)
     rest = tree.part("Triangle at Rest", _triangle_at_rest, **{name: inputs[name] for name in Rest._fields})
     tree.column(3)
@@ -580,6 +590,30 @@ def _triangle_now(tree: Tree, either: bool = False) -> list[Socket]:
     over = tree.compare("LESS_THAN", tree.math("MULTIPLY", determinant, inputs["side"]), 0.0)
     mirror = tree.switch("VECTOR", over, (1.0, 1.0, 1.0), (1.0, -1.0, 1.0))
     return [*found, weights, mirror, tree.either(same, stands)]
+
+
+def _numbers_now(tree: Tree) -> list[Socket]:
+    """Return the numbers of the vertices of every point's triangle, and whether there are as many vertices as at a finer level."""
+    times: Any = 0
+    for more, name in enumerate(_FINER_COUNTS, start=1):
+        there = tree.compare("EQUAL", tree.inputs["count"], tree.inputs[name], "INT")
+        times = tree.switch("INT", there, times, 2**more - 1)
+    tree.column(2)
+    found = []
+    for names in zip(CORNERS, *FINER_CORNERS, strict=True):
+        vertex, step, square = (tree.attribute(name, "INT") for name in names)
+        (number,) = tree.part("Vertex of Finer Level", _number, vertex=vertex, step=step, square=square, times=times)
+        found.append(number)
+    return [*found, tree.compare("GREATER_THAN", times, 0, "INT")]
+
+
+def _number(tree: Tree) -> list[Socket]:
+    """Return the number of a vertex where edges have so many times more parts; see :data:`FINER_CORNERS`."""
+    whole, inputs = "FunctionNodeIntegerMath", tree.inputs
+    slope = tree.call(whole, inputs["square"], inputs["times"], operation="MULTIPLY")
+    slope = tree.call(whole, slope, inputs["step"], operation="ADD")
+    further = tree.call(whole, slope, inputs["times"], operation="MULTIPLY")
+    return [tree.call(whole, further, inputs["vertex"], operation="ADD")]
 
 
 def _triangle_at_rest(tree: Tree) -> list[Socket]:

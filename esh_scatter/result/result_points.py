@@ -23,7 +23,7 @@ from ..classes.sources import SizeShape, lowest_points, standing_on, variants_of
 from ..classes.standing import Ground, Stand, draw, stand, turns_towards
 from ..targets.subdivision import Subdivision
 from ..targets.targets import stuck_attributes
-from .following import follow_attributes, rendered_attributes
+from .following import finer_attributes, follow_attributes
 from .kept_ground import BODY_ANGLE, BODY_LENGTH, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
 from .pins import add_pins
@@ -229,7 +229,7 @@ def point_attributes(
         points: Where their objects are.
         classes: What was asked.
         settings: How the scatter is made.
-        divided: How its targets are subdivided further in renders; None where they are not.
+        divided: How its targets are subdivided; None where they are not.
     """
     instances, ground = points.instances, points.ground
     colors = np.array([color_of(c) for c in classes], np.float32)
@@ -248,7 +248,7 @@ def point_attributes(
         **follow_attributes(points.surface, align[placement.class_index]),
         **add_pins(placement.fixed, points.instances.position),
         **points.stuck,
-        **rendered_attributes(points.stuck, divided),
+        **finer_attributes(points.stuck, divided),
     }
 
 

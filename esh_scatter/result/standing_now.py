@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import bpy
@@ -20,9 +19,9 @@ from .node_group import (
     CORNERS,
     EDGE,
     FACE_NORMAL,
+    FINER_CORNERS,
     GROUND_POINT,
     HEIGHT,
-    RENDERED_CORNERS,
     ROTATION,
     ROUNDING,
     SCALE,
@@ -185,21 +184,21 @@ class _TargetNow(NamedTuple):
 
     Attributes:
         vertices: In the world, shape ``[n, 3]``; none where these are others than points were placed on.
-        corners: Which attributes number its vertices around points.
+        times: How many times more parts its edges are cut into than they were.
         over: Whether it was mirrored since.
         way: Where it is now from where its rest was: how directions are turned and scaled, ``[3, 3]``, the place then and the place
             now, ``[3]`` each; None where nobody knows.
     """
 
     vertices: np.ndarray
-    corners: Sequence[str]
+    times: int
     over: bool
     way: tuple[np.ndarray, np.ndarray, np.ndarray] | None
 
 
 def _target_now(told: Followed, context: bpy.types.Context) -> _TargetNow:
     """Return a target as it is shown; nothing of one that is gone or not evaluated."""
-    nothing = _TargetNow(np.empty((0, 3)), CORNERS, False, None)
+    nothing = _TargetNow(np.empty((0, 3)), 0, False, None)
     if told.target is None:
         return nothing
     evaluated = told.target.evaluated_get(evaluated_depsgraph(context))
@@ -209,15 +208,16 @@ def _target_now(told: Followed, context: bpy.types.Context) -> _TargetNow:
     with evaluated_mesh(told.target, context) as mesh:
         if mesh is None or not len(mesh.vertices):
             return nothing
-        finer = told.in_renders is not None and len(mesh.vertices) == told.in_renders.vertices
-        same = finer or len(mesh.vertices) == told.vertices
+        count = len(mesh.vertices)
+        finer = told.finer.vertices if told.finer is not None else ()
+        times = 2 ** (finer.index(count) + 1) - 1 if count in finer else 0
+        same = times or count == told.vertices
         vertices = vertices_in_world(mesh, matrix) if same else nothing.vertices
     over = told.mirrored is not None and told.mirrored != is_mirrored(told.target, context)
-    corners = RENDERED_CORNERS if finer else CORNERS
     if told.rest is None:
-        return _TargetNow(vertices, corners, over, None)
+        return _TargetNow(vertices, times, over, None)
     place, *rows = (np.array(row, np.float64) for row in told.rest)
-    return _TargetNow(vertices, corners, over, (matrix[:3, :3] @ np.array(rows), place, matrix[:3, 3]))
+    return _TargetNow(vertices, times, over, (matrix[:3, :3] @ np.array(rows), place, matrix[:3, 3]))
 
 
 class _Triangles(NamedTuple):
@@ -245,7 +245,7 @@ def _triangles_now(mesh: bpy.types.Mesh, number: np.ndarray, targets: list[_Targ
     for which, target in enumerate(targets):
         own = np.flatnonzero(tied & (number == which))
         if len(target.vertices):
-            a, b, c = (target.vertices[read_attribute(mesh, name)[own]] for name in target.corners)
+            a, b, c = (target.vertices[one] for one in _corners_now(mesh, own, target.times))
             edge[own], side[own] = b - a, c - a
             ground[own] = a + weights[own, 1:2] * edge[own] + weights[own, 2:3] * side[own]
         elif target.way is not None:
@@ -254,6 +254,15 @@ def _triangles_now(mesh: bpy.types.Mesh, number: np.ndarray, targets: list[_Targ
             edge[own], side[own] = edge[own] @ turned.T, side[own] @ turned.T
         there[own] = len(target.vertices) > 0 or target.way is not None
     return _Triangles(ground, edge, side, there)
+
+
+def _corners_now(mesh: bpy.types.Mesh, own: np.ndarray, times: int) -> list[np.ndarray]:
+    """Return the numbers of the vertices around some points of a result where edges are cut into so many times more parts."""
+    found = []
+    for names in zip(CORNERS, *FINER_CORNERS, strict=True):
+        vertex, *finer = (read_attribute(mesh, name)[own] for name in (names if times else names[:1]))
+        found.append(vertex + times * (finer[0] + times * finer[1]) if times else vertex)
+    return found
 
 
 def _follow(

@@ -330,21 +330,15 @@ def _draw_foreign(context: bpy.types.Context, column: bpy.types.UILayout) -> Non
 
 
 def _draw_bending(context: bpy.types.Context, layout: bpy.types.UILayout, result: bpy.types.Object) -> None:
-    """Say of a target that bends, but in renders without what stands on it, why and what to do about that."""
+    """Say of a target that bends, but in renders without what stands on it, what to do about that."""
     modifier = our_modifier(result)
     if modifier is None or not get_inputs(modifier).get("Follow"):
         return
     for one in followed_targets(modifier):
-        placed_for = one.in_renders.level if one.in_renders is not None else None
-        if one.target is None or not bends_alone_in_renders(one.target, context.scene.render, placed_for):
-            continue
-        said = (
-            f'In renders "{one.target.name}" bends without its objects, since it is subdivided to another level there'
-        )
-        told = "Give both levels the same number"
-        if placed_for is not None:
-            said, told = f"{said} than when they were placed", "Update, or give both levels the same number"
-        write_text(context, layout.column(), f"{said}. {told}", icon="INFO")
+        placed_at = one.finer.level if one.finer is not None else None
+        if one.target is not None and bends_alone_in_renders(one.target, context.scene.render, placed_at):
+            said = f'In renders "{one.target.name}" bends without its objects, since it is subdivided to another level there'
+            write_text(context, layout.column(), f"{said}. Give both levels the same number", icon="INFO")
 
 
 def _draw_copy(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .subdivision import DIVIDES, levels_apart
+from .subdivision import DIVIDES, FURTHER, levels
 
 __all__ = ["bends_alone_in_renders"]
 
@@ -12,16 +12,19 @@ __all__ = ["bends_alone_in_renders"]
 _STIFF = (*DIVIDES, "ARRAY", "BEVEL", "DECIMATE", "MIRROR", "SOLIDIFY", "TRIANGULATE", "UV_PROJECT", "UV_WARP", "WELD")
 
 
-def bends_alone_in_renders(target: bpy.types.Object, render: bpy.types.RenderSettings, level: int | None) -> bool:
+def bends_alone_in_renders(target: bpy.types.Object, render: bpy.types.RenderSettings, placed_at: int | None) -> bool:
     """Tell whether a target bends in renders without what stands on it: there it has more vertices, or fewer.
 
     Args:
         target: What objects stand on.
         render: Of the scene.
-        level: To which level it may be subdivided there, further than in the viewport; None where it may not.
+        placed_at: To which level it was subdivided when that was placed, which knows finer ones; None where it does not.
     """
     if target.type != "MESH":
         return False
-    apart = levels_apart(target, render)
+    found = levels(target, render)
+    apart = [one for one in found if one[0] != one[1]]
     bends = target.data.shape_keys is not None or any(m.show_render and m.type not in _STIFF for m in target.modifiers)
-    return bends and bool(apart) and [rendered for _, rendered in apart] != [level]
+    # Only the last one that divides may do so to another level than then.
+    known = placed_at is not None and apart == found[-1:] and placed_at <= found[-1][1] <= placed_at + FURTHER
+    return bends and bool(apart) and not known

@@ -249,13 +249,14 @@ def heights_above(ground, places):
 
 
 @pytest.mark.parametrize("way", ["shape keys", "wave", "armature"])
-@pytest.mark.parametrize(("level", "rendered", "far"), [(0, 2, 0.2), (1, 2, 0.06), (1, 3, 0.06), (2, 3, 0.02)])
+@pytest.mark.parametrize(("level", "rendered", "far"), [(0, 2, 0.2), (1, 2, 0.06), (1, 4, 0.06), (2, 3, 0.02)])
 def test_it_bends_with_a_target_that_is_subdivided_further_in_renders(scattered, way, level, rendered, far):
     """They followed in the viewport, and were left behind in the picture; faces are 2 m wide before they are divided."""
     ground, item = bpy.data.objects["Ground"], scattered.object
     bend = bent_in_other_ways(ground, way)
     divided = ground.modifiers.new("Divided", "SUBSURF")
-    divided.levels, divided.render_levels = level, rendered
+    # To which level, may be said afterwards.
+    divided.levels, divided.render_levels = level, max(level, 1)
     assert esh.scatter(ground, asked(), device="cpu", max_steps=5).object == item
     before = matrices(item)
     divided.levels = rendered
@@ -307,7 +308,7 @@ def test_what_was_placed_on_a_mesh_that_is_subdivided_in_renders_only_is_nearer_
 @pytest.mark.parametrize("surface", ["above", "whole"])
 def test_each_of_several_targets_is_followed_to_the_level_that_it_has_in_renders(surface):
     grounds = [hills() for _ in range(3)]
-    for number, (ground, levels) in enumerate(zip(grounds, ((1, 2), (1, 1), (0, 1)), strict=True)):
+    for number, (ground, levels) in enumerate(zip(grounds, ((1, 2), (0, 0), (0, 1)), strict=True)):
         ground.location.x = 30.0 * number
         ground.shape_key_add(name="Basis")
         divided = ground.modifiers.new("Divided", "SUBSURF")
@@ -319,7 +320,8 @@ def test_each_of_several_targets_is_followed_to_the_level_that_it_has_in_renders
     standing = esh.Standing(align_to_normal=1.0)
     asked = [esh.ScatterClass("stone", [esh.ScatterSize("s", 90, stone)], standing=standing)]
     item = esh.scatter(grounds, asked, surface=surface, device="cpu", max_steps=3).object
-    assert [one.in_renders for one in followed_targets(our_modifier(item))] == [(2, 1681), None, (1, 441)]
+    told = [one.finer for one in followed_targets(our_modifier(item))]
+    assert [one and (one.level, one.vertices[0]) for one in told] == [(1, 1681), None, (0, 441)]
     before = matrices(item)
     for ground in grounds:
         bent = ground.shape_key_add(name="Bent")
@@ -336,28 +338,23 @@ def test_each_of_several_targets_is_followed_to_the_level_that_it_has_in_renders
     np.testing.assert_allclose(after, seen, atol=2e-5)
 
 
-def test_a_target_to_which_further_levels_mean_nothing_goes_as_a_whole(scattered):
-    """Its points know of one level in renders: of any other, and of a mirror behind it, they know nothing."""
+def test_a_target_of_which_coarser_levels_or_a_mirror_leave_nothing_to_follow_goes_as_a_whole(scattered):
     ground, item = bpy.data.objects["Ground"], scattered.object
     divided = ground.modifiers.new("Divided", "SUBSURF")
+    divided.levels = 2
     esh.scatter(ground, asked(), device="cpu", max_steps=5)
+    assert all(f"esh_finer_{name}_{k}" in item.data.attributes for name in ("step", "square") for k in range(3))
     before = matrices(item)
     for vertex in ground.data.vertices:
         vertex.co.z += 1.0
-    divided.levels = 3
-    bpy.context.view_layer.update()
-    np.testing.assert_allclose(matrices(item), before, atol=1e-5)
-    divided.levels = 2
-    bpy.context.view_layer.update()
-    np.testing.assert_allclose(matrices(item)[:, 2, 3], before[:, 2, 3] + 1.0, atol=1e-4)
-    divided.levels = 1
-    esh.scatter(ground, asked(), device="cpu", max_steps=5)
-    assert "esh_render_vertex_0" in item.data.attributes
+    for level, height in ((1, 0.0), (2, 1.0), (3, 1.0)):
+        divided.levels = level
+        bpy.context.view_layer.update()
+        np.testing.assert_allclose(matrices(item)[:, 2, 3], before[:, 2, 3] + height, atol=1e-4)
     ground.modifiers.new("Mirror", "MIRROR")
-    bpy.context.view_layer.update()
     esh.scatter(ground, asked(), device="cpu", max_steps=5)
-    assert followed_targets(our_modifier(item))[0].in_renders is None
-    assert "esh_render_vertex_0" not in item.data.attributes
+    assert followed_targets(our_modifier(item))[0].finer is None
+    assert not any(name.startswith("esh_finer") for name in item.data.attributes.keys())  # noqa: SIM118 - data is not iterable
 
 
 def parent(item, to):
@@ -654,8 +651,9 @@ def test_in_a_picture_it_stands_where_the_viewport_shows_it_on_a_target_that_ben
 
     expected = picture(1)
     assert 0.0 < expected.mean() < 0.5
-    np.testing.assert_allclose(picture(2), expected, atol=0.01)
-    assert np.abs(picture(3) - expected).max() > 0.9, "points were placed for another level: they are left behind"
+    for finer in (2, 4):
+        np.testing.assert_allclose(picture(finer), expected, atol=0.01)
+    assert np.abs(picture(0) - expected).max() > 0.9, "of coarser ones nothing is known: objects are left behind"
 
 
 @pytest.mark.parametrize("number", [0, 7, 8, 20])

@@ -10,8 +10,8 @@ from esh.esh_scatter.result.node_group import (  # noqa: E402
     INSTANCE_INDEX,
     ROTATION,
     SCALE,
+    Finer,
     Followed,
-    InRenders,
     Rest,
     build_node_group,
     followed_in,
@@ -126,15 +126,18 @@ def test_no_tree_is_so_large_that_building_it_is_noticed():
     assert placed_objects(many) == [tree] * 20
 
 
-def test_only_a_target_that_is_subdivided_further_in_renders_has_nodes_for_that():
+def test_only_a_target_that_is_subdivided_has_nodes_for_finer_levels():
     tree = source("Tree")
     rest = Rest((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    told = [Followed(tree, 3, False, rest), Followed(tree, 9, True, rest, InRenders(3, 81))]
+    told = [Followed(tree, 3, False, rest), Followed(tree, 9, True, rest, Finer(3, (25, 81)))]
     one, both = build_node_group("G", [], (), told[:1]), build_node_group("G", [], (), told)
-    plain, (finer,) = set(inner(one)), set(inner(both)) - set(inner(one)) - {parts_of(both)[0]}
-    assert not any("Finer" in part.name for part in plain) and "Finer" in finer.name
+    more = set(inner(both)) - set(inner(one)) - {parts_of(both)[0]}
+    assert not any("Finer" in part.name or "Divided" in part.name for part in inner(one))
+    names = ["Triangle of Divided Target", "Vertex of Finer Level", "Vertices of Finer Levels"]
+    assert sorted(part.name for part in more) == [f".ESH Scatter {name}" for name in names]
+    assert all(len(part.nodes) <= 30 for part in more)
     assert [found[1:] for found in followed_in(both)] == [asked[1:] for asked in told]
-    assert len({made_of((), [asked]) for asked in (*told, told[1]._replace(in_renders=InRenders(4, 289)))}) == 3
+    assert len({made_of((), [asked]) for asked in (*told, told[1]._replace(finer=Finer(3, (25,))))}) == 3
 
 
 def test_parts_are_shared_and_go_with_the_last_group_that_has_them():

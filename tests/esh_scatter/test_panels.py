@@ -676,7 +676,7 @@ def test_of_a_target_that_bends_without_its_objects_in_renders_it_is_said():
     assert told()
 
 
-def test_it_is_not_said_of_a_target_that_objects_follow_in_renders_too_as_long_as_its_level_is_the_same_there():
+def test_it_is_not_said_of_a_target_that_objects_follow_in_renders_too():
     scatter = ready_scatter()
     scatter.device, scatter.max_steps, scatter.avoid_overlap = "CPU", 5, False
     ground, render = scatter.target, bpy.context.scene.render
@@ -688,21 +688,20 @@ def test_it_is_not_said_of_a_target_that_objects_follow_in_renders_too_as_long_a
         return [text for text in draw_all(2000) if "bends without its objects" in text]
 
     assert (divided.levels, divided.render_levels) == (1, 2) and not told()
+    divided.render_levels = 4
+    assert not told()
     divided.show_viewport = False
     assert not told(), "what the viewport shows does not matter in renders"
-    divided.show_viewport = True
-    divided.render_levels = 3
-    assert told() == [
-        f'In renders "{ground.name}" bends without its objects, since it is subdivided to another level there than when they '
-        "were placed. Update, or give both levels the same number"
-    ]
-    render.use_simplify, render.simplify_subdivision_render = True, 2
-    assert not told()
-    render.simplify_subdivision_render = 3
+    divided.show_viewport, divided.levels = True, 3
+    render.use_simplify, render.simplify_subdivision_render = True, 1
+    assert not told(), "coarser than in the viewport, but as it was when they were placed"
+    render.simplify_subdivision_render = 0
     assert told()
-    assert bpy.ops.esh.scatter() == {"FINISHED"} and not told()
-    divided.render_levels, render.use_simplify = 0, False
-    assert told()
+    render.use_simplify = False
+    second = ground.modifiers.new("Second", "SUBSURF")
+    assert told() and bpy.ops.esh.scatter() == {"FINISHED"} and told(), "both levels differ"
+    divided.levels = divided.render_levels = 1
+    assert bpy.ops.esh.scatter() == {"FINISHED"} and not told() and second.levels < second.render_levels
 
 
 def test_of_a_copy_of_a_result_it_is_said_whose_it_is_and_it_can_be_moved():

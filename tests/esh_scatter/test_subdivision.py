@@ -5,7 +5,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter.targets.subdivision import levels_apart, read_subdivision  # noqa: E402
+from esh.esh_scatter.targets.subdivision import levels, read_subdivision  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -51,24 +51,31 @@ def divide(item, level, rendered, kind="SUBSURF"):
     return modifier
 
 
+def numbers_at(found, vertex, times):
+    step, square = found.finer_numbers(vertex)
+    return vertex + (times - 1) * (step + (times - 1) * square)
+
+
 @pytest.mark.parametrize("kind", ["SUBSURF", "MULTIRES", "SIMPLE"])
-@pytest.mark.parametrize(("level", "rendered"), [(0, 1), (0, 3), (1, 2), (1, 4), (2, 3), (3, 4)])
-def test_every_vertex_is_found_where_it_is_among_those_of_a_finer_level(kind, level, rendered):
+@pytest.mark.parametrize("level", [0, 1, 2, 3])
+def test_every_vertex_is_found_where_it_is_among_those_of_finer_levels(kind, level):
     item = faces_of_all_kinds()
-    divided = divide(item, level, rendered, "MULTIRES" if kind == "MULTIRES" else "SUBSURF")
+    divided = divide(item, level, 5, "MULTIRES" if kind == "MULTIRES" else "SUBSURF")
     if kind == "SIMPLE":
         divided.subdivision_type = "SIMPLE"
     here, found = places(item), read_subdivision(item, bpy.context)
-    divided.levels = rendered
-    there = places(item)
-    assert found is not None and found.vertices_in_renders == len(there)
-    number = found.numbers_in_renders(np.arange(len(here)))
-    assert len(np.unique(number)) == len(number)
-    np.testing.assert_array_equal(found.numbers_in_renders(np.tile(np.arange(len(here)), 3)), np.tile(number, 3))
-    if level or kind == "SIMPLE":
-        np.testing.assert_allclose(there[number], here, atol=1e-6)
-    else:  # smoothing moves what was not smooth before
-        np.testing.assert_array_equal(number, np.arange(len(here)))
+    for finer in range(level + 1, 6):
+        divided.levels = finer
+        there = places(item)
+        assert found is not None and found.finer_counts()[finer - level - 1] == len(there)
+        number = numbers_at(found, np.arange(len(here)), 2 ** (finer - level))
+        assert len(np.unique(number)) == len(number)
+        many = np.tile(np.arange(len(here)), (3, 1))
+        np.testing.assert_array_equal(numbers_at(found, many, 2 ** (finer - level)), np.tile(number, (3, 1)))
+        if level or kind == "SIMPLE":
+            np.testing.assert_allclose(there[number], here, atol=1e-6)
+        else:  # smoothing moves what was not smooth before
+            np.testing.assert_array_equal(number, np.arange(len(here)))
 
 
 @pytest.mark.parametrize("before", ["MIRROR", "SOLIDIFY", "ARRAY", "BEVEL", "TRIANGULATE", "SUBSURF", "WAVE"])
@@ -82,19 +89,17 @@ def test_what_makes_the_coarse_mesh_does_not_matter(before, level):
     here, found = places(item), read_subdivision(item, bpy.context)
     divided.levels = 3
     there = places(item)
-    assert found is not None and found.vertices_in_renders == len(there)
-    np.testing.assert_allclose(there[found.numbers_in_renders(np.arange(len(here)))], here, atol=1e-6)
+    assert found is not None and len(there) in found.finer_counts()
+    np.testing.assert_allclose(there[numbers_at(found, np.arange(len(here)), 2 ** (3 - level))], here, atol=1e-6)
 
 
-@pytest.mark.parametrize("after", ["MIRROR", "SOLIDIFY", "ARRAY", "TRIANGULATE", "SUBSURF"])
+@pytest.mark.parametrize("after", ["MIRROR", "SOLIDIFY", "ARRAY", "TRIANGULATE"])
 @pytest.mark.parametrize("level", [0, 1, 2])
 def test_nothing_is_known_of_what_is_numbered_anew_afterwards(after, level):
     item = faces_of_all_kinds()
     divide(item, level, 3)
     assert read_subdivision(item, bpy.context) is not None
     later = item.modifiers.new("After", after)
-    if after == "SUBSURF":
-        later.render_levels = later.levels
     bpy.context.view_layer.update()
     assert read_subdivision(item, bpy.context) is None
     later.show_viewport = later.show_render = False
@@ -102,9 +107,9 @@ def test_nothing_is_known_of_what_is_numbered_anew_afterwards(after, level):
     assert read_subdivision(item, bpy.context) is not None
 
 
-def test_nothing_is_known_where_more_than_one_thing_differs_in_renders():
+def test_nothing_is_known_where_more_than_the_last_level_may_differ_in_renders():
     item = faces_of_all_kinds()
-    divided = divide(item, 1, 2)
+    divide(item, 1, 2)
     assert read_subdivision(item, bpy.context) is not None
     item.modifiers.new("Wave", "WAVE").show_viewport = False
     assert read_subdivision(item, bpy.context) is not None, "other places, but the same vertices"
@@ -114,34 +119,41 @@ def test_nothing_is_known_where_more_than_one_thing_differs_in_renders():
     bpy.context.view_layer.update()
     assert read_subdivision(item, bpy.context) is None
     item.modifiers.remove(mirror)
-    divided.render_levels = 1
-    assert read_subdivision(item, bpy.context) is None, "the same in renders"
-    divided.render_levels = 0
-    assert read_subdivision(item, bpy.context) is None, "coarser"
+    second = divide(item, 1, 1)
+    assert read_subdivision(item, bpy.context) is None
+    second.levels = second.render_levels = 0
+    bpy.context.view_layer.update()
+    assert read_subdivision(item, bpy.context) is not None
 
 
-@pytest.mark.parametrize("level", [0, 1])
-def test_nothing_is_known_of_more_vertices_than_can_be_numbered(level):
+def test_nothing_is_known_of_what_is_not_divided():
+    item = faces_of_all_kinds()
+    assert read_subdivision(item, bpy.context) is None
+    divided = divide(item, 1, 2)
+    divided.show_viewport = divided.show_render = False
+    assert read_subdivision(item, bpy.context) is None
+
+
+def test_levels_of_more_vertices_than_can_be_numbered_are_left_out():
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=100, y_subdivisions=100)
     item = bpy.context.object
-    divided = divide(item, level, 8)
-    assert read_subdivision(item, bpy.context) is not None
-    divided.render_levels = 9
-    assert read_subdivision(item, bpy.context) is None
+    divide(item, 3, 4)
+    counts = read_subdivision(item, bpy.context).finer_counts()
+    assert len(counts) == 5 and 2**29 < counts[-1] < 2**31
 
 
 def test_levels_are_those_that_the_scene_allows_and_none_where_a_modifier_is_hidden():
     item, render = faces_of_all_kinds(), bpy.context.scene.render
     divided = divide(item, 2, 4)
-    assert levels_apart(item, render) == [(2, 4)]
+    assert levels(item, render) == [(2, 4)]
     divided.show_viewport = False
-    assert levels_apart(item, render) == [(0, 4)]
+    assert levels(item, render) == [(0, 4)]
     render.use_simplify, render.simplify_subdivision, render.simplify_subdivision_render = True, 1, 3
-    assert levels_apart(item, render) == [(0, 3)]
+    assert levels(item, render) == [(0, 3)]
     divided.show_viewport = True
-    assert levels_apart(item, render) == [(1, 3)]
+    assert levels(item, render) == [(1, 3)]
     bpy.context.view_layer.update()
     found = read_subdivision(item, bpy.context)
-    assert (found.level, found.rendered) == (1, 3)
-    render.simplify_subdivision_render = 1
-    assert levels_apart(item, render) == []
+    assert found.level == 1
+    divided.show_viewport = divided.show_render = False
+    assert levels(item, render) == []
