@@ -8,6 +8,7 @@ from . import operators, versions
 from .classes import lent_survey
 from .editing import dropped_presets, forecast, painting
 from .operators import exchange as exchange_operators
+from .operators import keys
 from .properties import body_class, layer, obstacle, placed, scatter, scene, size
 from .sidebar import asset_shelf, density_preview, export_notes, lists, menus, panels
 from .solving import live, loading, running
@@ -24,6 +25,7 @@ _MODULES = (
     scene,
     lists,
     operators,
+    keys,
     asset_shelf,
     menus,
     panels,
@@ -45,6 +47,7 @@ def register() -> None:
     exchange_operators.attach()
     export_notes.attach()
     menus.attach()
+    keys.attach()
     # Python that imported Blender as a module hangs on leaving while classes of an add-on are registered.
     atexit.register(unregister)
 
@@ -60,6 +63,7 @@ def unregister() -> None:
     loading.end()
     forecast.detach()
     lent_survey.detach()
+    keys.detach()
     menus.detach()
     export_notes.detach()
     exchange_operators.detach()

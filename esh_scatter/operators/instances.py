@@ -25,7 +25,7 @@ from ..result.scene_units import sentence
 from ..solving import live
 from .edit import Edit, select_points
 
-__all__ = ["CLASSES"]
+__all__ = ["CLASSES", "remove_and_keep_free"]
 
 # From so many on, making them real is asked about.
 MANY = 10_000
@@ -152,13 +152,13 @@ class ESH_OT_instances_turn(_OnInstances):
 
 
 class ESH_OT_instances_remove(_OnInstances):
-    """Remove the selected instances. Their places stay free in the next runs. Counts do not change, so others appear elsewhere"""
+    """Remove the selected instances; X does so in Edit Mode. Their places stay free in the next runs. Counts do not change, so others appear elsewhere"""  # noqa: E501
 
     bl_idname = "esh.instances_remove"
     bl_label = "Remove"
 
     def _do(self, scatter: ESH_PG_scatter, result: bpy.types.Object, points: np.ndarray) -> None:
-        _remove(scatter, result, points)
+        remove_and_keep_free(scatter, result, points)
 
 
 class ESH_OT_instances_refill(Edit):
@@ -171,7 +171,7 @@ class ESH_OT_instances_refill(Edit):
     @staticmethod
     def _needs(context: bpy.types.Context) -> object:
         scatter = active_scatter(context)
-        return scatter if scatter and len(scatter.free_places) else None
+        return scatter if scatter and scatter.kept_free() else None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Forget them."""
@@ -254,7 +254,7 @@ class ESH_OT_instances_from_real(Edit):
             return {"CANCELLED"}
         mirrored = real_objects.take_over(result, found)
         if len(found.removed):
-            _remove(scatter, result, found.removed)
+            remove_and_keep_free(scatter, result, found.removed)
         real_objects.discard_real(collection, found.objects)
         text = f"{len(found.points):,} pinned as they were changed, {len(found.removed):,} removed"
         text += f". {found.added:,} other objects stay in the scene" if found.added else ""
@@ -277,11 +277,13 @@ def real_objects_in(context: bpy.types.Context) -> bpy.types.Collection | None:
     return None if result is None else real_objects.real_objects_of(result)
 
 
-def _remove(scatter: ESH_PG_scatter, result: bpy.types.Object, points: np.ndarray) -> None:
+def remove_and_keep_free(scatter: ESH_PG_scatter, result: bpy.types.Object, points: np.ndarray) -> None:
     """Take points out of a result, and keep their places free in the next runs."""
-    for x, y, z, radius in pins.balls_of(result, points).tolist():
+    where = read_attribute(result.data, "position")[points].tolist()
+    for (x, y, z, radius), point in zip(pins.balls_of(result, points).tolist(), where, strict=True):
         entry = scatter.free_places.add()
         entry.place, entry.radius, entry.has_height, entry.height = (x, y), radius, True, z
+        entry.is_new, entry.point = True, point
     pins.remove(result.data, points)
 
 

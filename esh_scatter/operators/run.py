@@ -89,6 +89,7 @@ class _Run(bpy.types.Operator):
         window_manager = context.window_manager
         window_manager.progress_begin(0, settings.max_steps)
         try:
+            settings.forget_refilled_places()
             positional, named = settings.arguments(context.scene)
             settings.forget_deleted_result()
             result = scatter(*positional, **named, progress=lambda now: window_manager.progress_update(now.step))
@@ -135,6 +136,7 @@ class _Run(bpy.types.Operator):
             self._ask(context, *title_and_text)
             return False
         try:
+            settings.forget_refilled_places()
             positional, named = settings.arguments(context.scene)
             job = ScatterJob(*positional, **named, prepare=False, survey=survey)
         except EshError as error:

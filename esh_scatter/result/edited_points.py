@@ -39,12 +39,13 @@ def outside_edit_mode(result: bpy.types.Object | None) -> Iterator[None]:
     if result is None or result.mode != "EDIT":
         yield
         return
+    # Whatever else is selected would be edited, too.
+    edited = set(bpy.context.objects_in_mode)
+    others = [item for item in bpy.context.view_layer.objects.selected if item not in edited]
     bpy.ops.object.mode_set(mode="OBJECT")
     # Copies have the numbers of what they were copied from.
     tell_copies_apart(result.data)
     shown = _Shown(result.data)
-    # Whatever else is selected would be edited, too.
-    others = [item for item in bpy.context.view_layer.objects.selected if item != result]
     try:
         yield
     finally:

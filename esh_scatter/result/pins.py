@@ -45,6 +45,7 @@ __all__ = [
     "balls_of",
     "can_be_edited",
     "checksum_of",
+    "knows_places",
     "lost_with_classes",
     "lost_with_target",
     "moved_by_hand",
@@ -52,6 +53,7 @@ __all__ = [
     "read_pins",
     "remove",
     "selected_points",
+    "stand_there",
     "staying",
     "tell_copies_apart",
     "turn",
@@ -383,7 +385,12 @@ def unpin(mesh: bpy.types.Mesh, points: np.ndarray) -> None:
 
 def can_be_edited(result: bpy.types.Object) -> bool:
     """Tell whether a result knows where its points were put; those of earlier versions do not. In Edit Mode it does."""
-    return result.mode == "EDIT" or (PLACED_AT in result.data.attributes and TO_ORIGIN in result.data.attributes)
+    return result.mode == "EDIT" or knows_places(result.data)
+
+
+def knows_places(mesh: bpy.types.Mesh) -> bool:
+    """Tell whether the points of a result say where they were put and what stands on them; also in Edit Mode."""
+    return PLACED_AT in mesh.attributes and TO_ORIGIN in mesh.attributes
 
 
 def balls_of(result: bpy.types.Object, points: np.ndarray) -> np.ndarray:
@@ -395,6 +402,16 @@ def balls_of(result: bpy.types.Object, points: np.ndarray) -> np.ndarray:
     index = read_attribute(mesh, INSTANCE_INDEX)[points]
     radius = np.array([half[number] if number < len(half) else 0.0 for number in index.tolist()])
     return np.column_stack([position, np.maximum(radius * read_attribute(mesh, SCALE)[points, 0], SMALLEST_DISC)])
+
+
+def stand_there(mesh: bpy.types.Mesh, places: Sequence[tuple[float, ...]]) -> list[bool]:
+    """Return of each of some places in a mesh whether one of its points is exactly there."""
+    position, wanted = read_attribute(mesh, "position"), np.array(places, np.float32)
+    # By one coordinate first: there are few places, and panels ask with every drawing.
+    ordered = np.sort(wanted[:, 0])
+    near = ordered[np.minimum(np.searchsorted(ordered, position[:, 0]), len(ordered) - 1)] == position[:, 0]
+    there = {tuple(one) for one in position[near].tolist()}
+    return [tuple(one) in there for one in wanted.tolist()]
 
 
 def remove(mesh: bpy.types.Mesh, points: np.ndarray) -> None:

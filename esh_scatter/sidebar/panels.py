@@ -249,7 +249,7 @@ class ESH_PT_instances(SubPanel, bpy.types.Panel):
         row.operator("esh.instances_turn", icon="FILE_REFRESH")
         row.operator("esh.instances_remove", icon="X")
         column.operator("esh.instances_select_pinned", icon="RESTRICT_SELECT_OFF")
-        if len(scatter.free_places):
+        if scatter.kept_free():
             column.operator("esh.instances_refill")
         column.operator("esh.instances_make_real", icon="OBJECT_DATA")
 

@@ -285,6 +285,7 @@ class _Live:
         first = self._told is None
         start = time.thread_time()
         try:
+            scatter.forget_refilled_places()
             positional, named = scatter.arguments(context.scene)
             job = ScatterJob(*positional, **named, prepare=False)
             job.made_with = made_with

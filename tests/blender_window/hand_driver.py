@@ -10,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 
+import bmesh
 import bpy
 import numpy as np
 
@@ -65,7 +66,7 @@ def on_rock():
 
 
 def instances_by_hand():
-    """One is moved with G, one pinned, one removed, and the run afterwards leaves them."""
+    """One is moved with G, one pinned, one removed, one deleted with X, and the run afterwards leaves them."""
     top = yield from hand.turn_panel("ESH_PT_instances")
     # In Edit Mode a mesh cannot be read.
     ids, where = values("id"), positions()
@@ -73,7 +74,8 @@ def instances_by_hand():
     take_screenshot("hand-3-edit.png")
     answer["mode"] = scatter().result.mode
     number = {}
-    for what, target in (("moved", (-8.0, 8.0)), ("pinned", (8.0, 8.0)), ("removed", (8.0, -8.0))):
+    corners = {"moved": (-8.0, 8.0), "pinned": (8.0, 8.0), "removed": (8.0, -8.0), "deleted": (-8.0, -8.0)}
+    for what, target in corners.items():
         chosen = int(np.argmin(np.linalg.norm(where[:, :2] - target, axis=1)))
         number[what] = int(ids[chosen]), where[chosen]
     _, place = number["moved"]
@@ -86,6 +88,14 @@ def instances_by_hand():
     yield from hand.click(on_screen(number["removed"][1]))
     yield from hand.press("esh.instances_remove", across=0.8, first=top)
     answer["free_places"] = len(scatter().free_places)
+    yield from hand.click(on_screen(number["deleted"][1]))
+    before = points_edited()
+    answer["by_key"] = []
+    for keys in ("x", "ctrl+z", "ctrl+shift+z", "ctrl+z", "Delete"):
+        yield from hand.keys(keys)
+        yield 0.5
+        answer["by_key"].append(points_edited() - before)
+    answer["places_by_key"] = len(scatter().free_places)
     take_screenshot("hand-4-picked.png")
     yield from hand.press("esh.instances_edit", first=top)
     answer["mode_after"] = scatter().result.mode
@@ -93,10 +103,34 @@ def instances_by_hand():
     moved, pinned = (by_id(number[what][0]) for what in ("moved", "pinned"))
     answer["moved_by"] = (moved - number["moved"][1]).tolist()
     answer["pinned_by"] = float(np.linalg.norm(pinned - number["pinned"][1]))
-    away = np.linalg.norm(positions()[:, :2] - number["removed"][1][:2], axis=1)
-    answer["nearest_to_removed"] = float(away.min())
+    for what in ("removed", "deleted"):
+        away = np.linalg.norm(positions()[:, :2] - number[what][1][:2], axis=1)
+        answer[f"nearest_to_{what}"] = float(away.min())
     take_screenshot("hand-5-stayed.png")
     yield from hand.turn_panel("ESH_PT_instances", is_open=False)
+
+
+def points_edited():
+    return len(bmesh.from_edit_mesh(bpy.context.edit_object.data).verts)
+
+
+def elsewhere():
+    """In Edit Mode of the rock X opens Blender's menu, whose first entry deletes vertices."""
+    yield from hand.click(on_screen((0.0, 0.0, 2.0)))
+    answer["edited"] = bpy.context.view_layer.objects.active.name
+    yield from hand.keys("Tab", "1", "a")
+    yield 0.5
+    before = points_edited()
+    yield from hand.keys("x")
+    yield 0.5
+    take_screenshot("hand-7-menu.png")
+    answer["rock_with_menu"] = points_edited() - before
+    yield from hand.keys("v")
+    yield 0.5
+    answer["rock_left"] = points_edited()
+    yield from hand.keys("ctrl+z", "Tab")
+    yield 0.5
+    answer["rock_mode"] = bpy.context.mode
 
 
 def display():
@@ -509,7 +543,7 @@ def _add_layer(top, key, picture):
 # Without xdotool there is no hand.
 answer["mouse"] = shutil.which("xdotool") is not None
 WALKS = {
-    "one scatter": (begin, obstacles, instances_by_hand, turned_and_let_go, display, real_objects, ends),
+    "one scatter": (begin, obstacles, instances_by_hand, turned_and_let_go, elsewhere, display, real_objects, ends),
     "another scatter": (begin, another_scatter, overlaps, undone_while_it_runs, scaled_to_fit),
     "handing on": (begin, a_preset_on_top, exported),
     "by keyboard": (by_keyboard,),

@@ -8,16 +8,16 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter import operators, registration  # noqa: E402
-from esh.esh_scatter.operators import classes, classes_from, layers, overlaps, presets, run, scatters, sizes  # noqa: E402
+from esh.esh_scatter.operators import classes, classes_from, keys, layers, overlaps, presets, run, scatters, sizes  # noqa: E402
 from esh.esh_scatter.operators import exchange as exchange_operators  # noqa: E402
 from esh.esh_scatter.properties import body_class, layer, scatter, scene, size  # noqa: E402
 from esh.esh_scatter.sidebar import asset_shelf, class_panels, lists, menus, panels, report_panel  # noqa: E402
 
 PROPERTIES = (size, layer, body_class, scatter, scene)
 OPERATORS = (run, overlaps, scatters, presets, classes_from, classes, sizes, layers)
-MODULES = (*PROPERTIES, lists, *OPERATORS, asset_shelf, menus, panels, exchange_operators)
+MODULES = (*PROPERTIES, lists, *OPERATORS, keys, asset_shelf, menus, panels, exchange_operators)
 # What the names of Blender's classes have in them.
-INFIXES = (*["_PG_"] * len(PROPERTIES), "_UL_", *["_OT_"] * len(OPERATORS), "_AST_", "_MT_", "_PT_", "_OT_")
+INFIXES = (*["_PG_"] * len(PROPERTIES), "_UL_", *["_OT_"] * len(OPERATORS), "_OT_", "_AST_", "_MT_", "_PT_", "_OT_")
 PREFIX = "ESH_"
 
 
@@ -40,6 +40,10 @@ def everything_registered() -> set[str]:
     for name in ("object", "edit_mesh", "paint_weight", "paint_vertex", "sculpt"):
         drawn = getattr(bpy.types, f"VIEW3D_MT_{name}")._dyn_ui_initialize()
         found |= {f"menu of {name}" for draw in drawn if "esh_scatter" in draw.__module__}
+    addon = bpy.context.window_manager.keyconfigs.addon
+    found |= {
+        f"key {item.type}" for keymap in addon.keymaps for item in keymap.keymap_items if item.idname.startswith("esh.")
+    }
     for name in dir(bpy.app.handlers):
         handlers = getattr(bpy.app.handlers, name)
         if isinstance(handlers, list):
@@ -54,7 +58,7 @@ def test_unregistering_removes_everything_however_often_it_is_done():
         registered = everything_registered()
         assert {cls.__name__ for module in MODULES for cls in module.CLASSES} <= registered
         assert {"Scene.esh", "esh.scatter", "menu of object", "menu of edit_mesh", "menu of sculpt"} <= registered
-        assert {"menu of paint_weight", "menu of paint_vertex"} <= registered
+        assert {"menu of paint_weight", "menu of paint_vertex", "key X", "key DEL"} <= registered
         assert {"TOPBAR_MT_file_export._draw_export", "TOPBAR_MT_file_import._draw_import"} <= registered
         handlers = {name.partition(":")[2] for name in registered if ":" in name}
         assert handlers == {"bring_up_to_date", "notice_dropped_presets", "pack_painted_images"}, (
@@ -93,7 +97,7 @@ def test_everything_a_user_sees_has_a_tooltip():
                 assert not prop.description.endswith("."), f"{cls.__name__}.{prop.identifier}: Blender adds the period"
                 for item in getattr(prop, "enum_items", ()):
                     assert item.description, f"{cls.__name__}.{prop.identifier}: {item.identifier}"
-        for cls in operators.CLASSES:
+        for cls in (*operators.CLASSES, *keys.CLASSES):
             assert cls.bl_idname.startswith("esh.")
             assert cls.__doc__ and not cls.__doc__.endswith("."), cls.__name__
     finally:
