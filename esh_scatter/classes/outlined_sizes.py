@@ -14,9 +14,9 @@ from ...engine.problem.scatter_settings import ScatterSettings
 from ...engine.problem.size import Size, with_count
 from .scatter_class import ScatterClass, standing_of, turns_freely
 from .sources import DISC_IN_POLYGON, SizeShape, disc_of_area, variant_footprints, variants_of
-from .standing import draw
+from .standing import Unread, draw
 
-__all__ = ["OutlinedSizes"]
+__all__ = ["OutlinedSizes", "unread_of_standing"]
 
 
 class OutlinedSizes:
@@ -59,6 +59,8 @@ class OutlinedSizes:
             return replace(size, footprint=None)
         # A right angle of Blender's is a little larger.
         right_angle = 0.5 * math.pi
+        if not shape.outlines_of_variants and not _discs_lean(leaning):
+            leaning = None
         if tilt > np.float32(right_angle) and (shape.outlines_of_variants or leaning is not None):
             raise ProblemError(
                 f"`tilt` must be at most a right angle where overlap is avoided; got {math.degrees(tilt):.4g}°; outlines of objects "
@@ -96,16 +98,42 @@ class OutlinedSizes:
         return np.pad(drawn, (0, count - left), mode="edge") if left else np.full(count, size.mean_area)
 
 
+def unread_of_standing(
+    scatter_class: ScatterClass, shapes: Sequence[SizeShape], leaning: tuple[np.ndarray, np.ndarray] | None
+) -> Unread:
+    """Return how much of how its objects stand has no influence on where a class's bodies are, where overlap is avoided.
+
+    Discs are the same however they are turned, and where it is mostly flat they are level whatever their objects do.
+
+    Args:
+        scatter_class: What is asked.
+        shapes: Of its sizes.
+        leaning: As :meth:`OutlinedSizes.size` takes it, of objects that lean as the ground does; None where outlines lie along it.
+    """
+    if any(shape.outlines_of_variants or shape.line is not None for shape in shapes):
+        return Unread.NOTHING
+    # How much ground there is for discs depends on how they lean.
+    covers = leaning is not None and scatter_class.count == "cover"
+    return Unread.TURNS if covers or _discs_lean(leaning) else Unread.LEANS
+
+
+def _discs_lean(leaning: tuple[np.ndarray, np.ndarray] | None) -> bool:
+    """Tell whether discs lean with their objects.
+
+    A level disc keeps off more than one that leans, but where it is mostly flat less than a polygon around one that leans.
+    """
+    if leaning is None:
+        return False
+    longer = np.sqrt(1.0 + (leaning[0] ** 2).sum(axis=-1))
+    return bool(np.average(longer, weights=leaning[1]) >= DISC_IN_POLYGON)
+
+
 def _with_discs(size: Size, factor: np.ndarray, leaning: tuple[np.ndarray, np.ndarray] | None, tilt: float) -> Size:
     """Return a size whose bodies are discs that somebody asked for, as large as the objects will be, and leaning as these do.
 
     Their scales are those of the objects, as where outlines are the objects' own: what is pinned is known by its scale.
     """
-    slope = None
-    # A level disc keeps off more than one that leans, but where it is mostly flat less than a polygon around one that leans.
-    if leaning is not None:
-        longer = np.sqrt(1.0 + (leaning[0] ** 2).sum(axis=-1))
-        slope = leaning[0] if np.average(longer, weights=leaning[1]) >= DISC_IN_POLYGON else None
+    slope = None if leaning is None else leaning[0]
     if slope is None and (factor == 1.0).all():
         return replace(size, footprint=None)
     disc = disc_of_area(size.mean_area, leans=slope is not None)

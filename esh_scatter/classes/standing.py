@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -16,12 +17,18 @@ from ...engine.problem.scatter_settings import Standing
 from ...engine.problem.slopes import LEVEL, lengthened, slope_of_normal, tilts
 from ...engine.surface.instances import body_rotations, rotate
 
-__all__ = ["LOWEST", "STEEPEST", "Ground", "Stand", "draw", "stand", "turns_towards"]
+__all__ = ["LOWEST", "STEEPEST", "Ground", "Stand", "Unread", "draw", "stand", "turns_towards"]
 
 # What touches the ground where it is not the origin.
 LOWEST = "lowest"
 # Where the normal points up by less than this, the ground is a wall.
 STEEPEST = 0.3
+
+
+class Unread(IntEnum):
+    """How much of how objects stand has no influence on where they are: nothing, their turns, or also how they lean."""
+
+    NOTHING, TURNS, LEANS = 0, 1, 2
 
 
 @dataclass(frozen=True, eq=False)

@@ -145,7 +145,9 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         """Whether something differs from what the last run was made with. Cheap enough to ask while drawing."""
         if not self.report_json:
             return False
-        return bool(replaced(self)) or not settings_record.same(self._ran_with_record(), self.record())
+        return bool(replaced(self)) or not settings_record.same(
+            *self._read_by_solver(self._ran_with_record(), self.record())
+        )
 
     def changes(self, now: dict | None = None) -> list[str]:
         """Name what differs from what the last run was made with: "count of Pine"; empty where nothing does, or before a run.
@@ -154,12 +156,24 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         """
         if not self.report_json:
             return []
-        before, now, others = self._ran_with_record(), now or self.record(), replaced(self)
+        before, now = self._read_by_solver(self._ran_with_record(), now or self.record())
+        others = replaced(self)
         if settings_record.same(before, now):
             return others
         # What another object has changed with it need not be said.
         found = settings_record.changes(before, now, self)
         return list(dict.fromkeys([*others, *found]))
+
+    def _read_by_solver(self, *records: dict) -> tuple[dict, ...]:
+        """Return records without what of how objects stand had no influence on where they are, which the result shows at once."""
+        from ..result.kept_ground import CLASSES_OF_POINTS, UNREAD_STANDING
+
+        result = self.result
+        if result is None or not isinstance(result.data, bpy.types.Mesh):
+            return records
+        uids, unread = (list(result.data.get(name, ())) for name in (CLASSES_OF_POINTS, UNREAD_STANDING))
+        known = {str(uid): level for uid, level in zip(uids, unread, strict=False)}
+        return tuple(settings_record.without_unread(one, known) for one in records)
 
     def only_counts_changed(self, now: dict) -> bool:
         """Tell whether nothing but counts and classes differ from what the last run was made with; ``now`` is the record of now."""
@@ -411,8 +425,14 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
             if not (body_class.show_viewport and body_class.show_render):
                 show_class_anew(body_class, None)
 
-    def turned_to_what_moved(self, before: dict, now: dict) -> bool:
-        """Turn objects at once to what they look at, where two records differ in nothing but in where that is; tell whether."""
+    def shows_at_once(self, before: dict, now: dict) -> bool:
+        """Have the result show what differs between two records, if nothing has to be solved for that; tell whether it shows it.
+
+        That is how objects stand, where it has no influence on where they are; and where the objects are that they look at.
+        """
+        differ = not settings_record.same(before, now)
+        if differ and before["names"] == now["names"] and settings_record.same(*self._read_by_solver(before, now)):
+            return True
         if not settings_record.only_looks_differ(before, now):
             return False
         for body_class in self.ready_classes():

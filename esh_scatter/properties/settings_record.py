@@ -6,7 +6,7 @@ its default as they were without it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -14,6 +14,7 @@ import bpy
 
 from ...engine.problem.look_at import LookAt
 from ...engine.problem.settings import settings_of
+from ..classes.standing import Unread
 from ..result import pins
 from ..targets import checksums
 from ..targets.target import members_of
@@ -28,6 +29,7 @@ __all__ = [
     "record",
     "same",
     "state_of_targets",
+    "without_unread",
 ]
 
 # What is said of an image or weights, and of an object or a collection, whose contents have changed.
@@ -42,6 +44,8 @@ NOTHING: tuple[Any, ...] = ([], [[], []])
 COUNTS = {"count_kind", "total", "per_area", "distance", "cover_share", "count", "share"}
 # What objects show at once, but has an influence where their outlines are kept apart: they are as large and as turned as this says.
 OF_OUTLINES = ("align_to_normal", "random_turn", "scale_jitter", "tilt")
+# What of these and of where a class looks has none all the same, where turns have none, and where leaning has none either.
+OF_TURNS, OF_LEANING = {"random_turn", *LOOKS}, {"align_to_normal", "tilt"}
 
 
 def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
@@ -186,6 +190,25 @@ def same(before: dict[str, Any], now: dict[str, Any]) -> bool:
     """Tell whether two records stand for the same result: names do not count."""
     equal = all(before.get(key) == value for key, value in now.items() if key != "names")
     return equal and list(before["classes"]) == list(now["classes"])
+
+
+def without_unread(record: dict[str, Any], unread: Mapping[str, int]) -> dict[str, Any]:
+    """Return a record without what of how objects stand had no influence on where the last run has put them.
+
+    Args:
+        record: Of then or of now.
+        unread: How much that was, by the numbers of its classes, as results keep it.
+    """
+    if not any(unread.values()):
+        return record
+
+    def read(uid: str, values: dict[str, Any]) -> dict[str, Any]:
+        level = unread.get(uid, Unread.NOTHING)
+        idle = (OF_TURNS if level >= Unread.TURNS else set()) | (OF_LEANING if level >= Unread.LEANS else set())
+        return {name: value for name, value in values.items() if name not in idle}
+
+    classes = record.get("classes", {})
+    return {**record, "classes": {uid: {**one, "values": read(uid, one["values"])} for uid, one in classes.items()}}
 
 
 def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[str]:

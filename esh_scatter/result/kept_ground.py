@@ -37,6 +37,7 @@ __all__ = [
     "PLACED_AT",
     "SEED",
     "TO_ORIGIN",
+    "UNREAD_STANDING",
     "add_attribute",
     "any_twice",
     "bodies_in_world",
@@ -58,6 +59,8 @@ SEED = "esh_scatter_seed"
 CLASSES_OF_POINTS = "esh_scatter_classes"
 # Another one: how high above their origins the lowest points of the objects that it shows are, by their numbers [m].
 LOWEST_POINTS = "esh_scatter_lowest"
+# And how much of how its objects stand has no influence on where they are, by class of the run.
+UNREAD_STANDING = "esh_scatter_unread_standing"
 # How the placement has a body lie, and how long its axis is, where that is known: from here a run can go on.
 BODY_ANGLE, BODY_LENGTH = "body_angle", "body_length"
 # Attribute of a result's points: those that stay in the next run.

@@ -38,14 +38,15 @@ from ..classes.classes_from_above import ClassesFromAbove, directions_from_above
 from ..classes.directions import DirectionSource
 from ..classes.lent_survey import lent_survey
 from ..classes.on_whole_surface import classes_on_surface
+from ..classes.outlined_sizes import unread_of_standing
 from ..classes.scatter_class import ScatterClass, check_classes, color_of, direction_of, standing_of
 from ..classes.sources import SizeShape, SizeSource, SourceReader, measure_size
-from ..classes.standing import STEEPEST
+from ..classes.standing import STEEPEST, Unread
 from ..classes.survey import Survey
 from ..densities.density_source import Density, DensityReader, Known, attribute_names
 from ..densities.image_density import stored_density
 from ..result.following import followed
-from ..result.kept_ground import LOWEST_POINTS, SEED, KeptPlaces
+from ..result.kept_ground import LOWEST_POINTS, SEED, UNREAD_STANDING, KeptPlaces
 from ..result.kept_variants import VARIANTS, lowest_told, variants_told
 from ..result.pins import Pins, lost_with_target, read_pins
 from ..result.result import CLASS_NAMES, find_result, write_result
@@ -176,6 +177,7 @@ class ScatterJob:
         # What the classes place; and of all sizes, class by class, what their bodies look like.
         self._sources: list[Reference] = []
         self._shapes: list[SizeShape] = []
+        self._unread: list[int] = []
         self.survey = survey
         self._given_obstacles = obstacles
         # What is to be said of objects that were placed by hand and do not stay.
@@ -269,6 +271,7 @@ class ScatterJob:
             values_of_classes.append(survey.density(scatter_class.name, reader, self.chart))
             shapes_of_classes.append(shapes)
         self._shapes = [shape for shapes in shapes_of_classes for shape in shapes]
+        self._unread = self._unread_standing(shapes_of_classes)
         obstacles: list[Obstacle] = []
         if reading.obstacles and isinstance(self.chart, WholeSurface):
             free, obstacles = obstacles_on(reading.obstacles, self.chart, self._shapes, survey)
@@ -286,6 +289,15 @@ class ScatterJob:
             fixed=self._fixed(reading),
             include_fixed=True,
         )
+
+    def _unread_standing(self, shapes: Sequence[Sequence[SizeShape]]) -> list[int]:
+        """Return how much of how its objects stand has no influence on where they are, by class."""
+        if not self.settings.avoid_overlap:
+            return [Unread.NOTHING] * len(shapes)
+        chart, leaning = self.chart, None
+        if isinstance(chart, Chart) and (slope := chart.slope(1.0)) is not None:
+            leaning = slope, chart.area
+        return [unread_of_standing(*pair, leaning) for pair in zip(self.classes, shapes, strict=True)]
 
     def _prepare_classes(
         self, reading: _Reading, shapes: Sequence[Sequence[SizeShape]], values: Sequence[np.ndarray]
@@ -497,6 +509,7 @@ class ScatterJob:
         item.data[VARIANTS] = variants_told(self._shapes)
         scales = [standing_of(c, self.settings).scale for c in self.classes for _ in c.sizes]
         item.data[LOWEST_POINTS] = lowest_told(self._shapes, scales)
+        item.data[UNREAD_STANDING] = self._unread
         return item, sources
 
 

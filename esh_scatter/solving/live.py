@@ -277,7 +277,7 @@ class _Live:
             return
         if self._exceeds_cap(scatter, result):
             return
-        if self._told is not None and scatter.turned_to_what_moved(self._record, record):
+        if self._told is not None and scatter.shows_at_once(self._record, record):
             self._told, self._record = made_with, record
             self._points = _points_of(scatter.result)
             running.redraw_sidebars()

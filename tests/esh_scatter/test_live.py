@@ -752,6 +752,20 @@ def test_what_is_shown_at_once_is_not_taken_back(scatter, follow):
     assert np.abs(turned.reshape(-1, 4)[:210, 1:3]).max() > 0.05, "they still lean"
 
 
+def test_discs_that_are_turned_are_not_solved_anew(scatter, follow):
+    for body_class in scatter.classes:
+        body_class.sizes[0].area_kind, body_class.sizes[0].area = "VALUE", 0.2
+    switch_on(scatter, follow)
+    one = live._followed[next(iter(live._followed))]
+    shown, report = one._shown, scatter.report_json
+    scatter.classes["Pine"].random_turn, scatter.classes["Pine"].tilt = 1.0, 0.3
+    follow()
+    assert one._shown is shown and scatter.report_json == report and not scatter.outdated, "the points have shown it"
+    scatter.classes["Pine"].scale_jitter = 0.2
+    follow()
+    assert one._shown is not shown and not scatter.outdated
+
+
 def remove_target():
     bpy.data.objects.remove(active().target)
 

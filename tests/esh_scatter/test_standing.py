@@ -201,6 +201,57 @@ def test_outlines_that_are_kept_apart_are_solved_anew_for_another_turn_or_scale(
     assert scatter.changes() == ["align to ground of Tree"]
 
 
+@pytest.mark.parametrize(
+    ("ground", "solved_for"),
+    [
+        ("flat", set()),
+        ("gentle", set()),
+        ("covered", {"align_to_normal", "tilt"}),
+        ("steep", {"align_to_normal", "tilt"}),
+        ("whole", set()),
+    ],
+)
+def test_discs_of_a_given_area_are_turned_without_another_run(scatter, ground, solved_for):
+    """And on ground where they do not lean with their objects, these lean over at once, too."""
+    tree = scatter.classes["Tree"]
+    tree.sizes[0].area_kind, tree.sizes[0].area = "VALUE", 0.5
+    scatter.classes.remove(1)
+    mesh = scatter.target.data
+    mesh.transform(Matrix.Diagonal((1.0, 1.0, {"flat": 0.0, "gentle": 0.3, "covered": 0.3}.get(ground, 4.0), 1.0)))
+    scatter.surface, tree.align_to_normal = "WHOLE" if ground == "whole" else "ABOVE", 0.25
+    if ground == "covered":
+        tree.count_kind = "COVER"
+    bpy.context.view_layer.update()
+    bpy.ops.esh.scatter()
+    before, mesh = values(scatter.result), scatter.result.data
+    for name, value in {"random_turn": 1.0, "align_to_normal": 0.75, "tilt": 0.5, "use_look_at": True}.items():
+        as_it_was = getattr(tree, name)
+        setattr(tree, name, value)
+        assert (scatter.outdated, bool(scatter.changes())) == ((name in solved_for),) * 2, name
+        if name in solved_for:
+            setattr(tree, name, as_it_was)
+    assert not scatter.outdated
+    at_once, places = values(scatter.result), kept_ground.read_attribute(mesh, "placed_at")
+    assert not np.allclose(at_once["rotation"], before["rotation"])
+    bpy.ops.esh.scatter()
+    again = values(scatter.result)
+    np.testing.assert_array_equal(kept_ground.read_attribute(scatter.result.data, "placed_at"), places)
+    for name in NAMES:
+        np.testing.assert_allclose(at_once[name], again[name], atol=2e-6, err_msg=name)
+    tree.scale_jitter = 0.25
+    assert scatter.changes() == ["random scale of Tree"], "how large a disc is always counts"
+
+
+def test_turns_of_discs_in_results_of_before_are_compared_as_then(scatter):
+    tree = scatter.classes["Tree"]
+    tree.sizes[0].area_kind = "VALUE"
+    bpy.ops.esh.scatter()
+    del scatter.result.data[kept_ground.UNREAD_STANDING]
+    assert not scatter.outdated
+    tree.tilt = 0.25
+    assert scatter.changes() == ["tilt of Tree"]
+
+
 def test_points_that_were_moved_by_hand_stay_where_they_were_put(scatter):
     mesh = scatter.result.data
     mesh.vertices[0].co.z += 5.0
