@@ -33,6 +33,7 @@ __all__ = [
     "problem_of",
     "scale_counts",
     "scale_counts_to_fit",
+    "takes_whole_surface",
 ]
 
 # Cells along the longer side of the chart: enough for a share of the ground.
@@ -51,10 +52,17 @@ TIMES = 4
 
 
 class Forecast(NamedTuple):
-    """What is known of a scatter with certain settings: ``fingerprint`` names these; ``cover`` is None where nothing can be said."""
+    """What is known of a scatter with certain settings.
+
+    Attributes:
+        fingerprint: Names the settings.
+        cover: How much its footprints cover; None where nothing can be said.
+        whole: Whether it stands on the whole surface, and not on what is seen from above; None where nobody knows.
+    """
 
     fingerprint: str
     cover: Cover | None
+    whole: bool | None
 
 
 _survey: Survey | None = None
@@ -78,6 +86,11 @@ class _Work:
     def run(self, _progress: object) -> None:
         """Work it out; touches nothing of Blender."""
         self.cover = _cover(self._job)
+
+    @property
+    def whole(self) -> bool | None:
+        """Whether it stands on the whole surface, once that is worked out; None where nobody knows."""
+        return None if self._job is None else self._job.stands_on_whole
 
 
 def forecast(scatter: Any, scene: bpy.types.Scene) -> Cover | None:
@@ -150,11 +163,23 @@ def known(scatter: Any, scene: bpy.types.Scene, record: dict[str, Any] | None = 
 
     ``record`` is that of its settings as they are now, where it has been made.
     """
+    found = _known_of(scatter, scene, record)
+    return None if found is None else found.cover
+
+
+def takes_whole_surface(scatter: Any, scene: bpy.types.Scene) -> bool | None:
+    """Return whether a scatter takes the whole surface of its target, or what is seen from above, as :func:`known` knows it."""
+    found = _known_of(scatter, scene, None)
+    return None if found is None else found.whole
+
+
+def _known_of(scatter: Any, scene: bpy.types.Scene, record: dict[str, Any] | None) -> Forecast | None:
+    """Return what is known of a scatter as it is now; what is not known will be, a moment later."""
     global _asked
     number = _number_of(scatter)
     found = _known.get((scene.session_uid, number))
     if found is not None and found.fingerprint == _fingerprint(scatter, record):
-        return found.cover
+        return found
     _asked = Reference(scene, "scene"), number
     if not bpy.app.background and not bpy.app.timers.is_registered(_work):
         bpy.app.timers.register(_work, first_interval=PAUSE)
@@ -166,9 +191,10 @@ def look(scene: bpy.types.Scene, number: int) -> Forecast | None:
     scatters = scene.esh_scatter.scatters
     if number >= len(scatters):
         return None
-    scatter = scatters[number]
-    made = Forecast(_fingerprint(scatter), forecast(scatter, scene))
-    _known[scene.session_uid, number] = made
+    _end()
+    work = _Work(_read(scatters[number], scene), scene, number)
+    work.run(None)
+    made = _known[work.key] = Forecast(work.fingerprint, work.cover, work.whole)
     return made
 
 
@@ -236,7 +262,7 @@ def _work() -> float | None:
         if run.running:
             return LOOK
         _going = None
-        _known[work.key] = Forecast(work.fingerprint, work.cover)
+        _known[work.key] = Forecast(work.fingerprint, work.cover, work.whole)
         if bpy.context.scene == work.scene.find():
             running.redraw_sidebars()
     asked, _asked = _asked, None

@@ -175,6 +175,15 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         known = {str(uid): level for uid, level in zip(uids, unread, strict=False)}
         return tuple(settings_record.without_unread(one, known) for one in records)
 
+    def stands_on_whole(self) -> bool | None:
+        """Return whether the last run took the whole surface, if another one would do as it did; None where nobody knows."""
+        from ..result.kept_ground import ON_WHOLE
+
+        result = self.result_in(self.id_data)
+        if result is None or not isinstance(result.data, bpy.types.Mesh) or ON_WHOLE not in result.data:
+            return None
+        return bool(result.data[ON_WHOLE]) if settings_record.same_surface(self._ran_with_record(), self) else None
+
     def only_counts_changed(self, now: dict) -> bool:
         """Tell whether nothing but counts and classes differ from what the last run was made with; ``now`` is the record of now."""
         before = self._ran_with_record()

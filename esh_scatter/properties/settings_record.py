@@ -6,6 +6,7 @@ its default as they were without it.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
@@ -13,6 +14,7 @@ from typing import Any
 import bpy
 
 from ...engine.problem.look_at import LookAt
+from ...engine.problem.scatter_settings import TargetSettings
 from ...engine.problem.settings import settings_of
 from ..classes.standing import Unread
 from ..result import pins
@@ -28,6 +30,7 @@ __all__ = [
     "only_looks_differ",
     "record",
     "same",
+    "same_surface",
     "state_of_targets",
     "without_unread",
 ]
@@ -161,6 +164,14 @@ def state_of_targets(scatter: Any) -> list[Any]:
 def _states_of(scatter: Any, number_of: Callable[[bpy.types.Object], int]) -> list[Any]:
     found = [[number_of(item), checksums.pose_of(item)] for item in scatter.targets]
     return found[0] if scatter.target_kind == "OBJECT" else found
+
+
+def same_surface(before: dict[str, Any], scatter: Any) -> bool:
+    """Tell whether a scatter stands on the same surface as it did, by the record of then: the same shape, and the same of it."""
+    if not before or before["target"] != json.loads(json.dumps(state_of_targets(scatter))):
+        return False
+    defaults, then = _defaults(scatter.bl_rna), before["scatter"]
+    return all(getattr(scatter, name) == then.get(name, defaults[name]) for name in settings_of(TargetSettings))
 
 
 def completed(before: dict[str, Any], scatter: Any) -> dict[str, Any]:

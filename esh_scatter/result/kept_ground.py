@@ -33,6 +33,7 @@ __all__ = [
     "LOWEST_POINTS",
     "MIDDLE",
     "NORMAL",
+    "ON_WHOLE",
     "PINNED",
     "PLACED_AT",
     "SEED",
@@ -61,6 +62,8 @@ CLASSES_OF_POINTS = "esh_scatter_classes"
 LOWEST_POINTS = "esh_scatter_lowest"
 # And how much of how its objects stand has no influence on where they are, by class of the run.
 UNREAD_STANDING = "esh_scatter_unread_standing"
+# And whether it stands on the whole surface, and not on what is seen from above.
+ON_WHOLE = "esh_scatter_on_whole"
 # How the placement has a body lie, and how long its axis is, where that is known: from here a run can go on.
 BODY_ANGLE, BODY_LENGTH = "body_angle", "body_length"
 # Attribute of a result's points: those that stay in the next run.

@@ -28,7 +28,7 @@ from ..targets.in_scenes import is_in
 from ..targets.target import is_result
 from . import class_panels, report_panel
 from .density_panel import is_painted
-from .panel_parts import Panel, SubPanel, draw_list, draw_settings, fits_line, is_narrow, write_text
+from .panel_parts import Panel, SubPanel, draw_list, draw_property, draw_settings, fits_line, is_narrow, write_text
 from .preset_pictures import draw_pictures
 
 __all__ = ["CLASSES"]
@@ -137,7 +137,10 @@ class ESH_PT_surface(SubPanel, bpy.types.Panel):
         column = self._column()
         scatter = selected_scatter(context)
         target = scatter.first_target
-        draw_settings(context, column, scatter, TargetSettings, FACES)
+        draw_property(context, column, scatter, "surface")
+        if scatter.surface == "AUTO" and not scatter.both_sides:
+            write_text(context, column, _what_is_automatic(context.scene, scatter))
+        draw_settings(context, column, scatter, TargetSettings, ("surface", *FACES))
         if target is None:
             return
         column.label(text="Only on Faces of")
@@ -293,6 +296,14 @@ class ESH_PT_advanced(SubPanel, bpy.types.Panel):
         seed.prop(scatter, "seed")
         seed.operator("esh.seed_roll", text="", icon="FILE_REFRESH")
         draw_settings(context, column, scatter, RunSettings)
+
+
+def _what_is_automatic(scene: bpy.types.Scene, scatter: ESH_PG_scatter) -> str:
+    """Say what of the target the setting Automatic takes, as far as the last run or a forecast knows."""
+    whole = scatter.stands_on_whole()
+    if whole is None and scatter.obstacle(scene) is None:
+        whole = forecast.takes_whole_surface(scatter, scene)
+    return "Automatic: " + {None: "the run will tell", False: "from above", True: "whole surface"}[whole]
 
 
 def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> None:

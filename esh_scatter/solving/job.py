@@ -46,7 +46,7 @@ from ..classes.survey import Survey
 from ..densities.density_source import Density, DensityReader, Known, attribute_names
 from ..densities.image_density import stored_density
 from ..result.following import followed
-from ..result.kept_ground import LOWEST_POINTS, SEED, UNREAD_STANDING, KeptPlaces
+from ..result.kept_ground import LOWEST_POINTS, ON_WHOLE, SEED, UNREAD_STANDING, KeptPlaces
 from ..result.kept_variants import VARIANTS, lowest_told, variants_told
 from ..result.pins import Pins, lost_with_target, read_pins
 from ..result.result import CLASS_NAMES, find_result, write_result
@@ -334,6 +334,12 @@ class ScatterJob:
         return (pins.fixed_on(self.chart, area, outline, scale),)
 
     @property
+    def stands_on_whole(self) -> bool | None:
+        """Whether objects stand on the whole surface, and not on what is seen from above; None before that is worked out."""
+        chart = getattr(self, "chart", None)
+        return None if chart is None else isinstance(chart, WholeSurface)
+
+    @property
     def ground(self) -> list[bpy.types.Object]:
         """The mesh objects that the target stands for."""
         return list(self._targets.objects)
@@ -510,6 +516,7 @@ class ScatterJob:
         scales = [standing_of(c, self.settings).scale for c in self.classes for _ in c.sizes]
         item.data[LOWEST_POINTS] = lowest_told(self._shapes, scales)
         item.data[UNREAD_STANDING] = self._unread
+        item.data[ON_WHOLE] = isinstance(self.chart, WholeSurface)
         return item, sources
 
 

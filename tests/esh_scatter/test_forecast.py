@@ -13,6 +13,8 @@ from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.editing import forecast  # noqa: E402
 from esh.esh_scatter.result import words  # noqa: E402
 from esh.esh_scatter.result.result import OVERLAPPING  # noqa: E402
+from esh.esh_scatter.sidebar import panels  # noqa: E402
+from esh.esh_scatter.targets import checksums  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -177,3 +179,34 @@ def test_overlaps_on_a_whole_surface_are_found_too(scatter):
     np.testing.assert_allclose(bpy.context.scene.cursor.location, report["deepest_place"], atol=1e-4)
     assert bpy.ops.esh.select_overlapping() == {"FINISHED"}
     bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def test_what_automatic_takes_is_known_before_a_run_and_after_it(scatter):
+    """Of what is drawn it is read from what the last run has kept, or a forecast; nothing else is looked at."""
+    scene = bpy.context.scene
+
+    def told():
+        return panels._what_is_automatic(scene, scatter)
+
+    scatter.surface, scatter.classes[0].sizes[0].count = "AUTO", 20
+    assert told() == "Automatic: the run will tell"
+    work()
+    assert told() == "Automatic: from above"
+    forecast.detach()
+    scatter.avoid_overlap = False
+    assert told() == "Automatic: the run will tell", "there is no forecast"
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    assert told() == "Automatic: from above"
+    scatter.classes[0].sizes[0].count = 21
+    assert scatter.outdated and told() == "Automatic: from above", "counts do not change that"
+    # Folded over, half of it is below the other half.
+    ground = scatter.target.data
+    ground.vertices[1].co = ground.vertices[2].co = (-5.0, 0.0, 5.0)
+    ground.update()
+    bpy.context.view_layer.update()
+    with checksums.now():
+        assert told() == "Automatic: the run will tell"
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    assert told() == "Automatic: whole surface"
+    scatter.surface = "WHOLE"
+    assert scatter.stands_on_whole() is None, "it was asked for"

@@ -620,6 +620,16 @@ def test_of_a_result_without_a_scatter_it_is_said_where_its_settings_are(tmp_pat
         bpy.context.view_layer.objects.active = None
 
 
+def test_below_automatic_it_is_said_what_that_takes():
+    scatter = ready_scatter()
+    scatter.device, scatter.max_steps, scatter.avoid_overlap = "CPU", 5, False
+    assert not [text for text in draw_all(2000) if text.startswith("Automatic:")]
+    scatter.surface = "AUTO"
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    drawn = draw_all(2000)
+    assert drawn[drawn.index("surface") + 1] == "Automatic: from above" and drawn.count("surface") == 1
+
+
 def test_of_points_that_were_deleted_it_is_said_that_they_come_back():
     """Blender's own Delete leaves no trace but that they are fewer."""
     scatter = ready_scatter()
