@@ -25,6 +25,7 @@ from ..result import words
 from ..result.real_objects import discard_real, real_objects_of
 from ..result.scene_units import in_scene_units, sentence
 from ..solving import live, loading, running
+from ..targets import checksums
 from ..targets.target import members_of
 from .edit import BOUNDARY, REGULARITY, remove_at, settings_editable, stood_on, warn_of_unplaced
 
@@ -235,7 +236,9 @@ class _Run(bpy.types.Operator):
             discard_real(real, ())
         left_out = settings.left_out()
         look = [*self._hints[:1], *words.notes(report), *left_out]
-        text = ". ".join([words.summary(report), *(said for said in (self._held, settings.muted()) if said)])
+        with checksums.now():
+            later = words.in_the_way([other.name for other in settings.later_in_the_way()])
+        text = ". ".join([words.summary(report), *(said for said in (self._held, settings.muted(), later) if said)])
         if look:
             text += f". {look[0]}" + (f" (and {len(look) - 1} more in the panel)" if len(look) > 1 else "")
         text = in_scene_units(bpy.context.scene, text)

@@ -3,6 +3,7 @@
 # Properties are annotations that are calls, which Blender reads and mypy cannot.
 # mypy: disable-error-code="valid-type"
 
+import itertools
 import json
 import random
 from collections.abc import Iterator
@@ -109,14 +110,32 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
 
     def other_results(self) -> list[bpy.types.Object]:
         """Return what the scatters before this one have placed on the same target: those after it make room themselves."""
-        found: list[bpy.types.Object] = []
-        for other in self.id_data.esh_scatter.scatters if self.keep_off_others else ():
-            if other == self:
-                break
-            result = other.result_in(self.id_data)
-            if result is not None and set(other.targets) & set(self.targets):
-                found.append(result)
-        return found
+        if not self.keep_off_others:
+            return []
+        before = itertools.takewhile(lambda other: other != self, self.id_data.esh_scatter.scatters)
+        found = (other.result_in(self.id_data) for other in before if self._stands_beside(other))
+        return [result for result in found if result is not None]
+
+    def _stands_beside(self, other: "ESH_PG_scatter") -> bool:
+        return bool(set(other.targets) & set(self.targets))
+
+    def later_in_the_way(self) -> list["ESH_PG_scatter"]:
+        """Return the scatters after this one that keep off it, but have not been run since its objects are where they are.
+
+        What Live follows makes room by itself.
+        """
+        result, scatters = self.result_in(self.id_data), list(self.id_data.esh_scatter.scatters)
+        later = [
+            other
+            for other in scatters[scatters.index(self) + 1 :]
+            if other.keep_off_others and not other.live and self._stands_beside(other) and other.result_in(self.id_data)
+        ]
+        if result is None or not later:
+            return []
+        records = [_parse_record(other.ran_with).get("scatter") for other in later]
+        points = checksums.of_points(result)
+        known = zip(later, records, strict=True)
+        return [other for other, then in known if then is not None and points not in then.get("keep_off_others", ())]
 
     def kept_free(self) -> list[ESH_PG_free_place]:
         """Return the places that stay free: not those whose object undo has brought back, which in Edit Mode changes points alone."""

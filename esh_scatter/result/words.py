@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from ...engine.problem.note import NoteKind, kind_of
@@ -22,6 +23,7 @@ __all__ = [
     "evenness_word",
     "has_trouble",
     "held",
+    "in_the_way",
     "kept",
     "meters",
     "notes",
@@ -89,6 +91,17 @@ def summary(report: dict[str, Any], unbroken: str = " ", *, seconds: bool = True
     if seconds:
         parts.append(f"{report['seconds']:.1f} s")
     return " · ".join(part.replace(" ", unbroken) for part in parts if part)
+
+
+def in_the_way(names: Sequence[str]) -> str:
+    """Say which later scatters stand where a scatter has placed objects since; empty where none does."""
+    if not names:
+        return ""
+    quoted = [f'"{name}"' for name in names]
+    if len(names) == 1:
+        return f"{quoted[0]} does not make room for this yet: update it, too"
+    more = f"{', '.join(quoted[:2])} and {len(names) - 2} more" if len(names) > 2 else " and ".join(quoted)
+    return f"{more} do not make room for this yet: update them, too"
 
 
 def has_trouble(report: dict[str, Any]) -> bool:

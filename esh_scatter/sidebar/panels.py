@@ -426,6 +426,7 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
             if report.get(words.HELD):
                 write_text(context, column, report[words.HELD], icon="INFO")
             _draw_deleted(context, column, scatter, words.placed(report))
+            _draw_later(context, column, scatter)
     said = live.status(context.scene, scatter)
     if said and context.mode.startswith("PAINT"):
         # Before the first stroke there is nothing yet, and that is no mistake.
@@ -452,6 +453,15 @@ def _draw_deleted(context: bpy.types.Context, column: bpy.types.UILayout, scatte
             f"{gone:,} objects were deleted: Update puts them" if gone > 1 else "1 object was deleted: Update puts it"
         )
         write_text(context, column, f"{what} back. Remove (Instances) keeps places free", icon="INFO")
+
+
+def _draw_later(context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
+    """Say which later scatters stand where this one has placed objects since, and offer to go to the first of them."""
+    later = scatter.later_in_the_way()
+    if later:
+        write_text(context, column, words.in_the_way([other.name for other in later]), icon="INFO")
+        number = list(context.scene.esh_scatter.scatters).index(later[0])
+        column.operator("esh.scatter_choose", text=f"Go to {later[0].name}", icon="FORWARD").index = number
 
 
 def _draw_real(context: bpy.types.Context, column: bpy.types.UILayout, said: str) -> None:

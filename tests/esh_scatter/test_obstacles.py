@@ -9,6 +9,7 @@ shapely = pytest.importorskip("shapely")
 import esh  # noqa: E402
 from esh import EshError, ScatterClass, ScatterObstacle, ScatterSize, scatter  # noqa: E402
 from esh.esh_scatter.solving.job import ScatterJob  # noqa: E402
+from esh.esh_scatter.targets import checksums  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
 OPTIONS = {"device": "cpu", "max_steps": 30}
@@ -598,6 +599,45 @@ def test_a_later_scatter_makes_room_for_the_one_before(sidebar, ground, tree):
     bpy.ops.esh.scatter()
     two = np.array([v.co[:2] for v in second.result.data.vertices])
     assert np.linalg.norm(one[:, None] - two, axis=2).min() < 0.5 and not second.outdated
+
+
+def test_of_a_later_scatter_that_stands_in_the_way_it_is_said(sidebar, ground, tree, tmp_path):
+    """Nothing told of the second one whoever looked at the first, whose objects stood in its."""
+    for number in range(3):
+        made = in_sidebar(sidebar, ground, tree)
+        made.name = f"Wood {number}"
+        bpy.ops.esh.scatter_choose(index=number)
+        bpy.ops.esh.scatter()
+
+    def told():
+        return [[other.name for other in one.later_in_the_way()] for one in bpy.context.scene.esh_scatter.scatters]
+
+    def update(number):
+        bpy.ops.esh.scatter_choose(index=number)
+        assert bpy.ops.esh.scatter() == {"FINISHED"}
+        one = bpy.context.scene.esh_scatter.active.result.data
+        return np.array([v.co[:2] for v in one.vertices])
+
+    assert told() == [[], [], []]
+    before = update(0)
+    assert told() == [[], [], []], "the same again stands where it did"
+    bpy.context.scene.esh_scatter.scatters[0].seed = 7
+    moved = update(0)
+    assert not np.array_equal(before, moved)
+    with checksums.now():
+        assert told() == [["Wood 1", "Wood 2"], [], []]
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "woods.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "woods.blend"))
+    with checksums.now():
+        assert told() == [["Wood 1", "Wood 2"], [], []]
+    first, third, second = update(0), update(2), update(1)
+    assert np.array_equal(first, moved), "a file that is opened again places the same"
+    assert np.linalg.norm(first[:, None] - second, axis=2).min() > 0.6 - 3 * CELL
+    with checksums.now():
+        assert told() == [[], ["Wood 2"], []]
+        assert np.linalg.norm(second[:, None] - third, axis=2).min() < 0.6 - 3 * CELL
+        bpy.context.scene.esh_scatter.scatters[2].keep_off_others = False
+        assert told() == [[], [], []], "what may lie on others is in nobody's way"
 
 
 @pytest.mark.once

@@ -630,6 +630,19 @@ def test_below_automatic_it_is_said_what_that_takes():
     assert drawn[drawn.index("surface") + 1] == "Automatic: from above" and drawn.count("surface") == 1
 
 
+def test_of_a_later_scatter_that_stands_where_this_one_does_now_it_is_said(monkeypatch):
+    first = ready_scatter()
+    first.device, first.max_steps, first.avoid_overlap = "CPU", 5, False
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    later = bpy.context.scene.esh_scatter.add_scatter(first.target)
+    later.name = "Grass"
+    bpy.context.scene.esh_scatter.scatter_index = 0
+    assert not [text for text in draw_all(2000) if "make room" in text]
+    monkeypatch.setattr(type(later), "later_in_the_way", lambda self: [bpy.context.scene.esh_scatter.scatters[1]])
+    drawn = draw_all(2000)
+    assert drawn[drawn.index('"Grass" does not make room for this yet: update it, too') + 1] == "esh.scatter_choose"
+
+
 def test_of_points_that_were_deleted_it_is_said_that_they_come_back():
     """Blender's own Delete leaves no trace but that they are fewer."""
     scatter = ready_scatter()

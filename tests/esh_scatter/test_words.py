@@ -138,3 +138,11 @@ def test_overlaps_that_may_be_are_no_trouble_and_clumps_are_not_uneven():
         entry["coverage_error"] = 0.5
     assert words.evenness(uneven).startswith("uneven")
     assert words.evenness({**uneven, "clumped": True}) == ""
+
+
+def test_of_later_scatters_in_the_way_as_many_are_named_as_fit():
+    assert words.in_the_way([]) == ""
+    assert words.in_the_way(["Grass"]) == '"Grass" does not make room for this yet: update it, too'
+    assert words.in_the_way(["Grass", "Fern"]) == '"Grass" and "Fern" do not make room for this yet: update them, too'
+    many = '"A", "B" and 2 more do not make room for this yet: update them, too'
+    assert words.in_the_way(["A", "B", "C", "D"]) == many
