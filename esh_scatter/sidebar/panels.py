@@ -103,7 +103,7 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
             # It was switched on in the file that was opened, or by redo.
             live.wake()
         if editing:
-            said = "Select points and move them (G). Instances, below, has more"
+            said = "Select points; move (G) or remove (X) them. Instances, below, has more"
             follows = can_leave_edit_mode(context, result)
             live_does = "Live has the others make room" if follows else "Live goes on when you are done"
             write_text(
@@ -243,7 +243,9 @@ class ESH_PT_instances(SubPanel, bpy.types.Panel):
         text, icon = ("Done", "CHECKMARK") if editing else ("Edit Instances", "EDITMODE_HLT")
         row.operator("esh.instances_edit", text=text, icon=icon)
         if editing:
-            write_text(context, column, "Select points and move them (G). What you move stays there in the next run")
+            write_text(
+                context, column, "Select points; move (G) or remove (X) them. What you move stays there in the next run"
+            )
         buttons = column.column(align=True)
         row = buttons.row(align=True)
         row.operator("esh.instances_pin", icon="PINNED")

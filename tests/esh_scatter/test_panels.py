@@ -587,7 +587,7 @@ def test_while_instances_are_edited_or_real_the_top_says_so_and_leads_back():
     bpy.ops.object.mode_set(mode="EDIT")
     drawn = draw_all(900)
     assert "esh.scatter" not in drawn and drawn.index("esh.instances_edit") < drawn.index("classes")
-    assert drawn[drawn.index("live") + 1].startswith("Select points and move them (G)")
+    assert drawn[drawn.index("live") + 1].startswith("Select points; move (G) or remove (X) them")
     assert drawn.count("esh.instances_edit") == 2, "and in the panel of instances"
     bpy.ops.object.mode_set(mode="OBJECT")
     assert "esh.scatter" in draw_all()
