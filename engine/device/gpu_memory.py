@@ -3,22 +3,31 @@
 To ask for an array, to fill it and to send it take Python 20 to 40 microseconds each, however small it is, and a run of a few thousand
 bodies has 200 of them. Here an array is a view of a block that was asked for, and zeroed, as a whole; and what is to be sent waits
 until something is launched, so that what lies side by side is sent in one piece.
+
+Large arrays come from a pool of the driver's. By itself it gives all that is free back to the system as soon as somebody waits for the
+GPU, and has to ask for it anew; while something is computed there, it keeps some.
 """
 
 from __future__ import annotations
 
 import math
+import threading
 
 import numpy as np
 import warp as wp
 
-__all__ = ["GpuMemory"]
+__all__ = ["GpuMemory", "keep_pool", "let_pool_go"]
 
 # Bytes of the largest array that shares a block, and of a block.
 LARGEST = 1 << 18
 BLOCK = 1 << 22
 # Arrays begin at multiples of so many bytes, as those begin that the driver gives.
 ALIGNMENT = 256
+# Share of a GPU's memory that its pool keeps at most: what is drawn there meanwhile needs memory, too.
+KEPT_SHARE = 0.125
+# How many keep the pool of a GPU, and what it kept before [bytes].
+_keeping: dict[str, tuple[int, int]] = {}
+_KEEPING_LOCK = threading.Lock()
 
 
 class GpuMemory:
@@ -81,6 +90,32 @@ class GpuMemory:
         # The driver has taken it out of memory that is not pinned when this returns.
         wp.copy(self._sent.memory, source, dest_offset=self._begin)
         self._begin = self._end = -(-self._end // ALIGNMENT) * ALIGNMENT
+
+
+def keep_pool(device: wp.Device) -> None:
+    """Let a GPU's pool keep memory until whoever called this has called :func:`let_pool_go`."""
+    if not device.is_mempool_supported:
+        return
+    with _KEEPING_LOCK:
+        count, before = _keeping.get(device.alias, (0, 0))
+        if not count:
+            before = wp.get_mempool_release_threshold(device)
+            wp.set_mempool_release_threshold(device, max(before, int(KEPT_SHARE * device.total_memory)))
+        _keeping[device.alias] = count + 1, before
+
+
+def let_pool_go(device: wp.Device) -> None:
+    """Let the pool give back what is free in it, once nobody keeps it any more."""
+    if not device.is_mempool_supported:
+        return
+    with _KEEPING_LOCK:
+        count, before = _keeping.pop(device.alias)
+        if count > 1:
+            _keeping[device.alias] = count - 1, before
+            return
+        wp.set_mempool_release_threshold(device, before)
+    # It does so when somebody waits.
+    wp.synchronize_device(device)
 
 
 class _Block:

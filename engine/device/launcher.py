@@ -23,7 +23,7 @@ import warp as wp
 
 from .devices import core_count, resolve_device
 from .gpu_launches import NotLoadedError, launch_on_gpu
-from .gpu_memory import GpuMemory
+from .gpu_memory import GpuMemory, keep_pool, let_pool_go
 from .profile import Profile
 from .threads import Operation, Program, ThreadTeam
 
@@ -77,7 +77,11 @@ class Launcher:
         self._recording: CpuRecording | None = None
         self._gpu_recordings: list[GpuRecording] = []
         self._kept: dict[Hashable, Any] = {}
-        self._gpu_memory = GpuMemory(device) if device.is_cuda else None
+        self._gpu_memory: GpuMemory | None = None
+        self._keeps_pool = device.is_cuda
+        if device.is_cuda:
+            keep_pool(device)
+            self._gpu_memory = GpuMemory(device)
         self._ask: Callable[[], None] = _go_on
         if self._team is not None and profile is not None:
             self._team.timed = True
@@ -134,6 +138,9 @@ class Launcher:
         self._kept.clear()
         if self._team is not None:
             self._team.close()
+        if self._keeps_pool:
+            self._keeps_pool = False
+            let_pool_go(self.device)
 
     def kept(self, key: Hashable, make: Callable[[], Kept]) -> Kept:
         """What ``make`` makes, or made before for the same key: something that takes long and depends on the key alone.
