@@ -45,7 +45,7 @@ GRAIN_OF_NEIGHBORS = 96
 LARGE_ARRAY = 1 << 22
 # Bytes of memory that a processor reads at once, and of its longest vectors.
 CACHE_LINE = 64
-# Things that a launcher keeps to use them again: an edit needs what a run needed, and little else.
+# Things of a kind that a launcher keeps to use them again: an edit needs what a run needed, and little else.
 MOST_KEPT = 12
 # Arrays that stay for the next launcher, and the largest of these [bytes]: the next run is often one of the same size.
 MOST_SHARED = 24
@@ -76,7 +76,7 @@ class Launcher:
         self._phase = ""
         self._recording: CpuRecording | None = None
         self._gpu_recordings: list[GpuRecording] = []
-        self._kept: dict[Hashable, Any] = {}
+        self._kept: dict[Hashable, dict[Hashable, Any]] = {}
         self._gpu_memory: GpuMemory | None = None
         self._keeps_pool = device.is_cuda
         if device.is_cuda:
@@ -142,28 +142,29 @@ class Launcher:
             self._keeps_pool = False
             let_pool_go(self.device)
 
-    def kept(self, key: Hashable, make: Callable[[], Kept]) -> Kept:
+    def kept(self, key: tuple[Hashable, ...], make: Callable[[], Kept], most: int = MOST_KEPT) -> Kept:
         """What ``make`` makes, or made before for the same key: something that takes long and depends on the key alone.
 
-        Only the last few are kept.
+        Only the last few of those are kept whose keys begin alike, so that many of one kind do not drive out those of others.
         """
-        value = self._kept.pop(key) if key in self._kept else make()
-        self._kept[key] = value
-        while len(self._kept) > MOST_KEPT:
-            self._kept.pop(next(iter(self._kept)))
+        of_kind = self._kept.setdefault(key[0], {})
+        value = of_kind.pop(key) if key in of_kind else make()
+        of_kind[key] = value
+        while len(of_kind) > most:
+            of_kind.pop(next(iter(of_kind)))
         return value
 
-    def shared(self, key: Hashable, make: Callable[[], wp.array]) -> wp.array:
+    def shared(self, key: tuple[Hashable, ...], make: Callable[[], wp.array]) -> wp.array:
         """What :meth:`kept` returns, an array that nobody changes; a small one stays for the launchers after this one, too."""
-        key = self.device.alias, key
+        here = self.device.alias, key
         with _SHARED_LOCK:
-            if key in _shared:
-                _shared[key] = value = _shared.pop(key)
+            if here in _shared:
+                _shared[here] = value = _shared.pop(here)
                 return value
         value = self.kept(key, make)
         if value.capacity <= LARGEST_SHARED:
             with _SHARED_LOCK:
-                _shared[key] = value
+                _shared[here] = value
                 while len(_shared) > MOST_SHARED:
                     _shared.pop(next(iter(_shared)))
         return value

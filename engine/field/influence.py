@@ -15,12 +15,16 @@ from .splitting import split_variance
 
 __all__ = ["convolution_of", "far_influence", "product_influence", "rest_influence"]
 
+# That a launcher keeps; each has room for the transforms of its meshes. An edit needs four.
+MOST_CONVOLUTIONS = 6
+
 
 def convolution_of(launcher: Launcher, layout: MeshLayout, count: int) -> Convolution:
     """The convolution of so many meshes of a layout, which the next field like it uses again."""
     return launcher.kept(
         ("convolution", layout.shape, layout.padded, count),
         lambda: Convolution(launcher, layout.shape, layout.padded, count),
+        MOST_CONVOLUTIONS,
     )
 
 

@@ -154,7 +154,8 @@ class TargetCorrection:
 
         def influence_of(variance: float) -> wp.array:
             return launcher.shared(
-                ("influence", layout, variance, cutoff), partial(rest_influence, convolution, layout, variance, cutoff)
+                ("rest influence", layout, variance, cutoff),
+                partial(rest_influence, convolution, layout, variance, cutoff),
             )
 
         def meshes() -> Iterator[wp.array]:

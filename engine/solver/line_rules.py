@@ -39,7 +39,7 @@ BLOCK = 6.0
 def numbers_for_kernels(launcher: Launcher, values: Sequence[float] | np.ndarray) -> wp.array:
     """Return numbers on the device, ``float``, for kernels to read; a single 0 where there are none."""
     if not len(values):
-        return launcher.shared("no numbers", lambda: launcher.own_array(np.zeros(1, np.float32), float))
+        return launcher.shared(("no numbers",), lambda: launcher.own_array(np.zeros(1, np.float32), float))
     return launcher.array(np.array(values, np.float32), float)
 
 

@@ -19,7 +19,7 @@ def shared_by_a_new_launcher(key, size, made):
         made.append(key)
         return launcher.own_array(np.full(size, len(made), np.float32), float)
 
-    result = launcher.shared(key, make)
+    result = launcher.shared((key,), make)
     launcher.close()
     return result
 
@@ -50,3 +50,16 @@ def test_what_was_not_used_for_longest_goes():
     assert made.count(0) == 1
     shared_by_a_new_launcher(1, 1, made)
     assert made.count(1) == 2
+
+
+def test_things_of_one_kind_do_not_drive_out_others():
+    launcher = Launcher(resolve_device("cpu"))
+    first = launcher.kept(("one", 0), object)
+    for number in range(2 * module.MOST_KEPT):
+        launcher.kept(("another", number), object)
+    assert launcher.kept(("one", 0), object) is first
+    last = launcher.kept(("another", number), object)
+    assert launcher.kept(("another", 0), object) is not last
+    launcher.kept(("one", 1), object, 1)
+    assert launcher.kept(("one", 0), object, 1) is not first
+    launcher.close()
