@@ -9,12 +9,25 @@ from ..space.kernels_space import wrap
 from .kernels_blur import level_of
 from .kernels_splines import potential_gradients
 
-__all__ = ["BLOCK_OF_NODES", "Correction", "correction_at", "find_ranges"]
+__all__ = [
+    "BLOCKS_AT_ONCE",
+    "BLOCK_OF_NODES",
+    "Correction",
+    "correction_at",
+    "find_largest",
+    "find_ranges",
+    "mark_acting",
+]
 
 wp.set_module_options({"enable_backward": False})
 
 # Nodes along a block, of which it is known whether the correction acts there.
 BLOCK_OF_NODES = wp.constant(8)
+# Blocks of which one element finds the largest potential.
+BLOCKS_AT_ONCE = wp.constant(256)
+# Potentials that differ by less than this share of the largest one are flat: the transforms round by a fifth of it. Bodies would
+# not move by more than 1e-5 of their spacing for it.
+FLAT = wp.constant(3e-6)
 
 
 @wp.struct
@@ -101,3 +114,39 @@ def find_ranges(
         most = wp.max(most, wp.max(wp.abs(low), wp.abs(high)))
     spread[i] = difference
     largest[i] = most
+
+
+@wp.kernel
+def find_largest(
+    first: int,
+    values: wp.array(dtype=float),
+    count: int,
+    at_once: int,
+    parts: int,
+    # outputs
+    largest: wp.array(dtype=float),
+):
+    """The largest of ``at_once`` values; rows of ``count`` values, and of ``parts`` results, lie one after the other."""
+    i = first + wp.tid()
+    row = i / parts
+    begin = i % parts * at_once
+    most = float(0.0)
+    for k in range(begin, wp.min(begin + at_once, count)):
+        most = wp.max(most, values[row * count + k])
+    largest[i] = most
+
+
+@wp.kernel
+def mark_acting(
+    first: int,
+    spread: wp.array(dtype=float),
+    blocks: int,
+    largest: wp.array(dtype=float),
+    # outputs
+    acts: wp.array(dtype=wp.uint8),
+):
+    """Mark the blocks in which there is more than rounding beside the largest potential of their row."""
+    i = first + wp.tid()
+    acts[i] = wp.uint8(0)
+    if spread[i] > FLAT * largest[i / blocks]:
+        acts[i] = wp.uint8(1)

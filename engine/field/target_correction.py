@@ -22,10 +22,6 @@ from .influence import convolution_of, rest_influence
 
 __all__ = ["TargetCorrection"]
 
-# Potentials that differ by less than this share of the largest one are flat: the transforms round by a fifth of it. Bodies would
-# not move by more than 1e-5 of their spacing for it.
-FLAT = 3e-6
-
 
 class TargetCorrection:
     """Potential of K * (blur - split) * u for every group; the far part on the charges' mesh lacks it.
@@ -126,17 +122,25 @@ class TargetCorrection:
 
     def _find_where_it_acts(self, launcher: Launcher, rows: int) -> wp.array:
         """Look for the blocks of nodes over which every potential of a row is flat, as it is where targets are."""
-        count = rows * self._blocks[0] * self._blocks[1]
-        spread, largest = (launcher.empty(count, float) for _ in range(2))
+        blocks = self._blocks[0] * self._blocks[1]
+        spread, largest = (launcher.empty(rows * blocks, float) for _ in range(2))
         launcher.launch(
             kernels_correction.find_ranges,
-            count,
+            rows * blocks,
             [self.potential, len(self.blur.levels), self.layout.for_kernels(), *self._blocks[::-1]],
             [spread, largest],
             grain=GRAIN_OF_NEIGHBORS,
         )
-        of_row = largest.numpy().reshape(rows, -1).max(axis=1, keepdims=True)
-        return launcher.array((spread.numpy().reshape(rows, -1) > FLAT * of_row).ravel().astype(np.uint8), wp.uint8)
+        # The host need not see them.
+        at_once = int(kernels_correction.BLOCKS_AT_ONCE)
+        parts = -(-blocks // at_once)
+        of_parts, of_row = launcher.empty(rows * parts, float), launcher.empty(rows, float)
+        for given, count, many, found in ((largest, blocks, at_once, of_parts), (of_parts, parts, parts, of_row)):
+            each = len(found) // rows
+            launcher.launch(kernels_correction.find_largest, len(found), [given, count, many, each], [found], grain=1)
+        acts = launcher.empty(rows * blocks, wp.uint8)
+        launcher.launch(kernels_correction.mark_acting, rows * blocks, [spread, blocks, of_row], [acts])
+        return acts
 
     def _find_potential(
         self,
