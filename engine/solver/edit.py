@@ -24,13 +24,13 @@ from .carried_over import CarriedInPlane
 from .kernels_edit import Fate
 from .model import Model
 from .places_in_support import move_poses_into_support
-from .size_edit import Rows, SizeEdit, around, compare_size, list_bodies
+from .size_edit import Rows, SizeEdit, around, compare_size, list_bodies, read_numbers
 
 __all__ = ["EditInPlane"]
 
 # Gets densities over the domain or a part of it, row 0 at the bottom, and counts, and begins to spread as many points over each; what
-# it returns waits for these, and returns them [m].
-Spread = Callable[[list[np.ndarray], list[int], Part | None], Callable[[], list[np.ndarray]]]
+# it returns returns these [m], each ``wp.vec2d``.
+Spread = Callable[[list[np.ndarray], list[int], Part | None], Callable[[], list[wp.array]]]
 
 
 class EditInPlane:
@@ -98,7 +98,9 @@ class EditInPlane:
         self._used[source] = True
         before = self._places(launcher.array(source.astype(np.int32), wp.int32)).numpy().reshape(-1, 2)
         self._seat(source.astype(np.int32), fixed[known])
-        self._put_down(fixed, place)
+        self._put_down(
+            fixed, launcher.array(np.clip(place, 0.0, model.size).astype(np.float32).reshape(-1, 2), wp.vec2)
+        )
         self._new.append(fixed[~known])
         moved = (np.abs(before - place[known]) > 1e-6 * max(model.size)).any(axis=1)
         changed = np.concatenate([place[~known], place[known][moved], before[moved]])
@@ -130,11 +132,11 @@ class EditInPlane:
             sizes.append(in_size)
         return sizes
 
-    def _settle(self, size: SizeEdit, points: list[np.ndarray]) -> None:
+    def _settle(self, size: SizeEdit, points: list[wp.array]) -> None:
         """Decide who of a size stays, give all of its bodies rows, and put the new ones to their points [m]."""
         launcher, old, model = self._launcher, self._old, self._model
-        in_unit = [at / old.unit for at in points]
-        placed = size.thin_out(launcher, in_unit[:2], self._pose_before, around(self._part, old), self._fate)
+        before = [self._in_unit_of(old, at) for at in points[:2]]
+        placed = size.thin_out(launcher, before, self._pose_before, around(self._part, old), self._fate)
         staying = list_bodies(launcher, self._fate, size.pool, Fate.STAYS, Fate.TOO_MANY)
         old_rows, new_rows = _seats(size.rows, len(staying), model.body.area)
         area = old.body.area
@@ -146,11 +148,9 @@ class EditInPlane:
         self._seat(staying, old_rows)
         if len(placed):
             # Where few are left of many they are as even as points are, not as those that they were among.
-            row = launcher.empty(len(placed), wp.int32)
-            body = launcher.array(placed, wp.int32)
-            launcher.launch(kernels_edit.read_numbers, len(placed), [body, self._row_of], [row])
-            self._changes += [self._places(body), self._put_down(row, points[1] / model.unit)]
-        self._changes.append(self._put_down(new_rows, points[2] / model.unit))
+            row = read_numbers(launcher, placed, self._row_of)
+            self._changes += [self._places(placed), self._put_down(row, self._in_unit_of(model, points[1]))]
+        self._changes.append(self._put_down(new_rows, self._in_unit_of(model, points[2])))
         self._new.append(_listed(new_rows))
 
     def _result(self, first_identity: int) -> CarriedInPlane:
@@ -161,8 +161,7 @@ class EditInPlane:
         launcher.launch(kernels_edit.mark_gone, old.body_count, [self._row_of], [marked])
         gone = numbers_of_marked(launcher, marked)
         before = old.body.identities_on(launcher)
-        went = launcher.empty(len(gone), wp.int32)
-        launcher.launch(kernels_edit.read_numbers, len(gone), [gone, before], [went])
+        went = read_numbers(launcher, gone, before)
         new = np.sort(np.concatenate(self._new))
         came = np.empty(len(new), np.int32)
         is_fixed = model.fixed[new]
@@ -200,12 +199,19 @@ class EditInPlane:
             [self.pose, self._source, self._row_of],
         )
 
-    def _put_down(self, rows: wp.array | Rows, points: np.ndarray) -> wp.array:
-        """Put the bodies of rows to points in the new model's unit; return these, ``wp.vec2``."""
+    def _in_unit_of(self, model: Model, points: wp.array) -> wp.array:
+        """Points [m] in the unit of a model, ``wp.vec2``."""
         launcher = self._launcher
-        point = launcher.array(np.clip(points, 0.0, self._model.size).astype(np.float32), wp.vec2)
-        launcher.launch(kernels_edit.put_down, len(rows), [*self._rows_for_kernels(rows), point], [self.pose])
-        return point
+        place = launcher.empty(len(points), wp.vec2)
+        where = [points, model.unit, wp.vec2d(*model.size)]
+        launcher.launch(kernels_edit.bring_to_unit, len(points), where, [place])
+        return place
+
+    def _put_down(self, rows: wp.array | Rows, points: wp.array) -> wp.array:
+        """Put the bodies of rows to points in the new model's unit, ``wp.vec2``; return these."""
+        launcher = self._launcher
+        launcher.launch(kernels_edit.put_down, len(rows), [*self._rows_for_kernels(rows), points], [self.pose])
+        return points
 
     def _rows_for_kernels(self, rows: wp.array | Rows) -> tuple[int, wp.array]:
         """The first of rows that follow each other, or all of them."""

@@ -24,6 +24,7 @@ __all__ = [
     "looks_at_point",
     "placement_of",
     "position_in_meters",
+    "position_on_device",
     "somebody_looks",
 ]
 
@@ -115,11 +116,16 @@ def angle_within(angle: np.ndarray, period: float) -> np.ndarray:
 
 def position_in_meters(model: Model, state: State, launcher: Launcher) -> np.ndarray:
     """Positions of all bodies [m], shape ``[n, 2]``, float64, inside the domain; a periodic one's far edges are not."""
+    return position_on_device(model, state, launcher).numpy()
+
+
+def position_on_device(model: Model, state: State, launcher: Launcher) -> wp.array:
+    """The same for kernels, ``wp.vec2d``, shape ``[n]``."""
     n, domain = model.body_count, model.problem.rectangle
     position = launcher.empty(n, wp.vec2d)
     where = [state.pose, model.unit, wp.vec2d(*domain.size), model.space.for_kernels()]
     launcher.launch(kernels_end.place_in_meters, n, where, [position])
-    return position.numpy()
+    return position
 
 
 def bends_of(model: Model, charges: np.ndarray) -> np.ndarray:

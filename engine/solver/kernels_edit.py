@@ -285,6 +285,34 @@ def put_down(
 
 
 @wp.kernel
+def shift_points(
+    first: int,
+    by: wp.vec2d,
+    # outputs
+    point: wp.array(dtype=wp.vec2d),
+):
+    """Shift points."""
+    k = first + wp.tid()
+    point[k] = wp.vec2d(point[k][0] + by[0], point[k][1] + by[1])
+
+
+@wp.kernel
+def bring_to_unit(
+    first: int,
+    point: wp.array(dtype=wp.vec2d),
+    unit: wp.float64,
+    size: wp.vec2d,
+    # outputs
+    place: wp.array(dtype=wp.vec2),
+):
+    """Points [m] in another unit of length [m], within the size of the space in it."""
+    k = first + wp.tid()
+    x = wp.clamp(point[k][0] / unit, wp.float64(0.0), size[0])
+    y = wp.clamp(point[k][1] / unit, wp.float64(0.0), size[1])
+    place[k] = wp.vec2(float(x), float(y))
+
+
+@wp.kernel
 def read_places(
     first: int,
     body: wp.array(dtype=wp.int32),

@@ -74,7 +74,10 @@ def ask_nearest(
     holder: wp.array(dtype=wp.int32),
     last_turn: wp.array(dtype=wp.int32),
 ):
-    """Let a point that has no candidate ask for the nearest that is left to it, which goes to the first of those that ask."""
+    """Let a point that has no candidate ask for the nearest that is left to it, which goes to the first of those that ask.
+
+    ``last_turn`` has the last turns in which any point got one, and in which any was left without one for good.
+    """
     p = first + wp.tid()
     has = chosen[p]
     # One that no candidate is left to never gets one again.
@@ -85,3 +88,5 @@ def ask_nearest(
     if best >= 0:
         wp.atomic_min(holder, best, p)
         wp.atomic_max(last_turn, 0, turn)
+    else:
+        wp.atomic_max(last_turn, 1, turn)

@@ -20,7 +20,7 @@ from .kernels_edit import Density, Fate, Total
 from .model import Model
 from .nearest_free import nearest_free
 
-__all__ = ["Rows", "SizeEdit", "compare_size", "list_bodies"]
+__all__ = ["Rows", "SizeEdit", "compare_size", "list_bodies", "read_numbers"]
 
 # Indices of bodies: int32, or a range where they follow each other, which need not be listed.
 Rows = np.ndarray | range
@@ -76,34 +76,34 @@ class SizeEdit:
         return result
 
     def thin_out(
-        self, launcher: Launcher, points: list[np.ndarray], pose: wp.array, around: kernels_edit.Around, fate: wp.array
-    ) -> np.ndarray:
+        self, launcher: Launcher, points: list[wp.array], pose: wp.array, around: kernels_edit.Around, fate: wp.array
+    ) -> wp.array:
         """Decide who stays, by the points that were spread over the first two densities.
 
         Args:
             launcher: Where to run.
-            points: These, in the unit of the poses.
+            points: These, in the unit of the poses, ``wp.vec2``.
             pose: Of all old bodies.
             around: A rectangle that holds all of these, in that unit.
             fate: What becomes of every old body; in the end all of this size either stay, or are too many of which none has to go,
                 or do not stay.
 
         Returns:
-            Of those who survive where most go, the ones that are to be at their points, in the order of these.
+            Of those who survive where most go, the ones that are to be at their points, in the order of these; ``wp.int32``.
         """
         cells = max(1, int(math.sqrt(self.pool_count)))
         if self.surplus:
             enough = self.surplus <= self.totals[Total.TOO_MANY]
             among = list_bodies(launcher, fate, self.pool, Fate.TOO_MANY if enough else Fate.STAYS, Fate.TOO_MANY)
-            _decide(
-                launcher, among.numpy()[nearest_free(launcher, points[0], among, pose, around, cells)], Fate.GOES, fate
-            )
+            place = nearest_free(launcher, points[0], among, pose, around, cells)
+            _decide(launcher, read_numbers(launcher, place, among), Fate.GOES, fate)
         if not self.survivors:
-            return np.zeros(0, np.int32)
+            return launcher.empty(0, wp.int32)
         among = list_bodies(launcher, fate, self.pool, Fate.THINNED, Fate.THINNED)
-        chosen = among.numpy()[nearest_free(launcher, points[1], among, pose, around, cells)]
+        place = nearest_free(launcher, points[1], among, pose, around, cells)
+        chosen = read_numbers(launcher, place, among)
         _decide(launcher, chosen, Fate.STAYS, fate)
-        return chosen if len(chosen) < self.thinned else np.zeros(0, np.int32)
+        return chosen if len(chosen) < self.thinned else launcher.empty(0, wp.int32)
 
 
 def compare_size(
@@ -183,9 +183,15 @@ def list_bodies(launcher: Launcher, fate: wp.array, pool: slice, least: Fate, mo
     return numbers_of_marked(launcher, marked, pool.start)
 
 
-def _decide(launcher: Launcher, body: np.ndarray, decided: Fate, fate: wp.array) -> None:
-    chosen = launcher.array(body, wp.int32)
-    launcher.launch(kernels_edit.decide_fates, len(body), [chosen, int(decided)], [fate])
+def read_numbers(launcher: Launcher, body: wp.array, number: wp.array) -> wp.array:
+    """Return of some bodies a number that every body has, ``wp.int32``."""
+    read = launcher.empty(len(body), wp.int32)
+    launcher.launch(kernels_edit.read_numbers, len(body), [body, number], [read])
+    return read
+
+
+def _decide(launcher: Launcher, body: wp.array, decided: Fate, fate: wp.array) -> None:
+    launcher.launch(kernels_edit.decide_fates, len(body), [body, int(decided)], [fate])
 
 
 def _numbers_of(totals: list[float], wanted: int, there: int) -> tuple[int, int]:

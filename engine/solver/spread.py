@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import warp as wp
 
 from ..device.launcher import Launcher
 from ..problem.balance import Balance
@@ -13,7 +14,9 @@ from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.size import Size
 from ..space.part import Part
+from . import kernels_edit
 from .descent import Descent
+from .final_placement import position_on_device
 from .model import Model
 
 __all__ = ["Spreading"]
@@ -63,16 +66,18 @@ class Spreading:
         if model.body_count > 1:
             self._descent.step.play(STEPS)
 
-    def points(self) -> list[np.ndarray]:
-        """Return the points [m] of each density, shape ``[count, 2]``; once."""
-        result = [np.zeros((0, 2)) for _ in self._counts]
+    def points(self) -> list[wp.array]:
+        """Return the points [m] of each density, ``wp.vec2d``, shape ``[count]``; once. Nobody waits for them."""
+        result = [self._launcher.empty(0, wp.vec2d) for _ in self._counts]
         descent, self._descent = self._descent, None
         if descent is None:
             return result
-        position = descent.positions() + self._origin
+        position = position_on_device(descent.model, descent.state, self._launcher)
+        if self._origin != (0.0, 0.0):
+            self._launcher.launch(kernels_edit.shift_points, len(position), [wp.vec2d(*self._origin)], [position])
         self._launcher.release(descent.step)
         # Bodies are in the order of their classes.
-        ends = np.cumsum([self._counts[i] for i in self._asked])
+        ends = np.cumsum([self._counts[i] for i in self._asked]).tolist()
         for i, end in zip(self._asked, ends, strict=True):
             result[i] = position[end - self._counts[i] : end]
         return result

@@ -333,7 +333,7 @@ def test_a_body_goes_where_no_points_are_spread():
 
     def spread(densities, counts, _part):
         asked.append(counts)
-        return lambda: [np.tile([[48.0, 32.0]], (count, 1)) for count in counts]
+        return lambda: [wp.array(np.tile([[48.0, 32.0]], (count, 1)), dtype=wp.vec2d, device="cpu") for count in counts]
 
     pose = np.zeros((100, 4), np.float32)
     pose[:, :2] = position / old.unit
@@ -633,3 +633,15 @@ def test_those_who_come_to_one_corner_part_again():
         position = solver.placement().position
     apart, _ = cKDTree(position).query(position, 2)
     assert apart[:, 1].min() > 0.1
+
+
+def test_what_an_edit_reads_does_not_grow_with_bodies_or_meshes(monkeypatch):
+    """A GPU is waited for wherever its numbers are read."""
+    read, numpy = [], wp.array.numpy
+    everywhere = np.where(STROKE, 1.0, 0.7 * HILLS).astype(np.float32)
+    with Solver(problem_of(HILLS, 20_000), device="cpu") as solver:
+        monkeypatch.setattr(wp.array, "numpy", lambda array: (read.append(array.size), numpy(array))[1])
+        change = solver.edit(problem_of(everywhere, 20_000))
+    assert 500 < len(change.removed) < 5000
+    # The densities of those that go and come, in cells; all else is sums, and who went.
+    assert max(read) <= max(64**2, len(change.removed))

@@ -175,7 +175,7 @@ def test_points_are_spread_where_nothing_is_left_of_a_density():
     launcher = Launcher(resolve_device("cpu"))
     faint = np.full((8, 8), 1e-44, np.float32)
     for nothing in (np.zeros((8, 8), np.float32), faint):
-        points = Spreading(launcher, Domain((4.0, 3.0)), [nothing], [5], 1).points()[0]
+        points = Spreading(launcher, Domain((4.0, 3.0)), [nothing], [5], 1).points()[0].numpy()
         assert points.shape == (5, 2) and np.isfinite(points).all()
         assert (points >= 0.0).all() and (points <= [4.0, 3.0]).all()
     launcher.close()
