@@ -47,7 +47,7 @@ class KernelArguments:
             elif isinstance(kind, _Struct):
                 values.append(value.__ctype__())
             elif (before is int and kind in (int, wp.int32) and -(2**31) <= value < 2**31) or (
-                before in (int, float) and kind in (float, wp.float32)
+                before in (int, float) and kind in (float, wp.float32, wp.float64)
             ):
                 values.append(value)
             elif before is made:
