@@ -114,7 +114,7 @@ def bring_back(
     cells: Cells,
     reach: Reach,
     space: Space,
-    free_from: int,
+    free_from: wp.array(dtype=wp.int32),
     bodies: Bodies,
     images: Images,
     bend: wp.array(dtype=float),
@@ -137,7 +137,7 @@ def bring_back(
     bin = bin_of_way(length, most)
     if source[i] < 0 or bin == 0 or not (length > 0.0):
         return
-    if bin >= free_from and cells.near[cell_at(old, cells)] != wp.uint8(0):
+    if bin >= free_from[0] and cells.near[cell_at(old, cells)] != wp.uint8(0):
         return
     back = old + way * (most / length)
     if bodies.kind[i] < 0:

@@ -23,3 +23,29 @@ def bin_of_way(way: float, reach: float):
     elif share < float(BINS):
         bin = wp.min(1 + int((share - 1.0) * float(BINS_OF_REACH)), BINS - 1)
     return bin
+
+
+@wp.kernel
+def decide_free(
+    first: int,
+    threads: int,
+    most_free: wp.float64,
+    # outputs
+    moved: wp.array2d(dtype=wp.int32),
+    free_from: wp.array(dtype=wp.int32),
+):
+    """From which bin on bodies are free, where threads have counted ``moved`` in all but the first; counts become 0.
+
+    Those in the first one never are, and those in the last one always. One element does all.
+    """
+    farther = int(0)
+    begin = int(BINS - 1)
+    for k in range(BINS - 1):
+        bin = BINS - 1 - k
+        for thread in range(threads):
+            farther += moved[thread, bin]
+            moved[thread, bin] = 0
+        # How many moved at least as far as where the bin begins.
+        if wp.float64(farther) <= most_free:
+            begin = bin
+    free_from[0] = begin

@@ -105,7 +105,7 @@ def bring_back(
     bodies: Bodies,
     start: Start,
     ground: Ground,
-    free_from: int,
+    free_from: wp.array(dtype=wp.int32),
     # outputs
     charges: Charges,
     poses: Poses,
@@ -123,7 +123,7 @@ def bring_back(
     bin = bin_of_way(length, most)
     if bin == 0 or not (length > 0.0):
         return
-    if bin >= free_from and start.near[start.home[j]] != wp.uint8(0):
+    if bin >= free_from[0] and start.near[start.home[j]] != wp.uint8(0):
         return
     normal = ground.facets.normal[poses.facet[i]]
     back = tangential(way * (most / length - 1.0), normal)

@@ -105,7 +105,7 @@ class _HeldInPlane(Held):
             per_thread=True,
         )
 
-    def bring_back(self, free_from: int) -> None:
+    def bring_back(self, free_from: wp.array) -> None:
         """See :meth:`.Held.bring_back`."""
         descent = self._descent
         descent.launcher.launch(

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple, Protocol
 
-import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher, Recording
@@ -77,8 +76,8 @@ class Held(Protocol):
     def count_moved(self, moved: wp.array) -> None:
         """Count how many that are near a change have moved how far; see :mod:`.kernels_settling`."""
 
-    def bring_back(self, free_from: int) -> None:
-        """Bring those back that went too far, but not from ways in this bin or longer ones near a change."""
+    def bring_back(self, free_from: wp.array) -> None:
+        """Bring those back that went too far, but not from ways in a bin, ``wp.int32``, or longer ones near a change."""
 
 
 def settle(launcher: Launcher, step: Recording, held: Held, steps: int) -> None:
@@ -90,20 +89,14 @@ def settle(launcher: Launcher, step: Recording, held: Held, steps: int) -> None:
         held: Who is to be held.
         steps: How many to take behind those in which bodies settle.
     """
-    moved = launcher.empty((launcher.thread_count, kernels_settling.BINS), wp.int32)
+    moved = launcher.zeros((launcher.thread_count, kernels_settling.BINS), wp.int32)
+    free_from = launcher.empty(1, wp.int32)
     held.take_steps(step, held.schedule.settling)
     for _ in range(held.schedule.held + steps):
         held.take_steps(step, 1)
-        moved.zero_()
         held.count_moved(moved)
-        held.bring_back(_free_from(moved.numpy(), held.most_free))
-
-
-def _free_from(moved: np.ndarray, most_free: float) -> int:
-    """From which bin on bodies are free, where threads have counted ``moved`` in all but the first.
-
-    Those in the first one never are, and those in the last one always.
-    """
-    # How many moved at least as far as where every bin begins.
-    farther = np.cumsum(moved.sum(axis=0)[::-1])[::-1]
-    return min(1 + int((farther[1:] > most_free).sum()), kernels_settling.BINS - 1)
+        # On the device: a GPU that is waited for after every step stands still in between.
+        launcher.launch(
+            kernels_settling.decide_free, 1, [launcher.thread_count, held.most_free], [moved, free_from], grain=1
+        )
+        held.bring_back(free_from)

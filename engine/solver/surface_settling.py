@@ -61,7 +61,7 @@ class _HeldOnSurface(Held):
         inputs = [*self._where, descent.charges]
         descent.launcher.launch(kernels_surface_settling.count_moved, self.body_count, inputs, [moved], per_thread=True)
 
-    def bring_back(self, free_from: int) -> None:
+    def bring_back(self, free_from: wp.array) -> None:
         """See :meth:`.Held.bring_back`."""
         descent = self._descent
         descent.launcher.launch(

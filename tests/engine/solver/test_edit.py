@@ -645,3 +645,4 @@ def test_what_an_edit_reads_does_not_grow_with_bodies_or_meshes(monkeypatch):
     assert 500 < len(change.removed) < 5000
     # The densities of those that go and come, in cells; all else is sums, and who went.
     assert max(read) <= max(64**2, len(change.removed))
+    assert len(read) < 15
