@@ -169,6 +169,14 @@ class Launcher:
                     _shared.pop(next(iter(_shared)))
         return value
 
+    def known(self, key: tuple[Hashable, ...]) -> wp.array | None:
+        """What :meth:`shared` returned for this key, as long as it is there."""
+        here = self.device.alias, key
+        with _SHARED_LOCK:
+            shared = here in _shared
+        kept = key in self._kept.get(key[0], {})
+        return self.shared(key, _nothing) if shared or kept else None
+
     def release(self, recording: Recording) -> None:
         """Let go of a recording that nobody plays again, and of all arrays that only it holds."""
         recording.forget()

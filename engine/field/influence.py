@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 import warp as wp
@@ -13,7 +15,7 @@ from ..transforms.convolution import Convolution
 from . import kernels_influence
 from .splitting import split_variance
 
-__all__ = ["convolution_of", "far_influence", "product_influence", "rest_influence"]
+__all__ = ["convolution_of", "far_influence", "product_influence", "rest_influences"]
 
 # That a launcher keeps; each has room for the transforms of its meshes. An edit needs four.
 MOST_CONVOLUTIONS = 6
@@ -60,20 +62,39 @@ def far_influence(convolution: Convolution, layout: MeshLayout, cutoff: float) -
     return influence
 
 
-def rest_influence(convolution: Convolution, layout: MeshLayout, variance: float, cutoff: float) -> wp.array:
-    """Influence function of K blurred by a Gaussian of a ``variance``, less the split's far part.
+def rest_influences(
+    convolution: Convolution, layout: MeshLayout, variances: Sequence[float], cutoff: float
+) -> list[wp.array]:
+    """Influence functions of K blurred by Gaussians of these ``variances``, less the split's far part.
 
     For a periodic domain, or a mesh that this kernel does not reach round.
     """
     launcher = convolution.launcher
-    waves = _waves_of(convolution, layout, 1.0 / layout.node_area)
-    influence = launcher.zeros(convolution.influence_size, float)
-    launcher.launch(
-        kernels_influence.transform_of_blurred_rest,
-        waves.count_x * waves.count_y,
-        [waves, variance, cutoff, math.pi * (split_variance(cutoff) - variance)],
-        [influence],
-    )
+    # Those that were made before, which the launcher may let go of meanwhile.
+    known = {v: launcher.known(("rest influence", layout, v, cutoff)) for v in dict.fromkeys(variances)}
+    new = [v for v, influence in known.items() if influence is None]
+    if new:
+        waves = _waves_of(convolution, layout, 1.0 / layout.node_area)
+        made = [launcher.zeros(convolution.influence_size, float) for _ in new]
+        at_zero = math.pi * (split_variance(cutoff) - np.array(new))
+        launcher.launch(
+            kernels_influence.transform_of_blurred_rests,
+            waves.count_x * waves.count_y,
+            [
+                waves,
+                launcher.array(np.array(new), wp.float64),
+                launcher.array(at_zero, wp.float64),
+                cutoff,
+                convolution.influence_size,
+            ],
+            [launcher.array(np.array([influence.ptr for influence in made], np.uint64), wp.uint64)],
+        )
+        for v, influence in zip(new, made, strict=True):
+            known[v] = launcher.shared(("rest influence", layout, v, cutoff), partial(_itself, influence))
+    return [known[v] for v in variances]
+
+
+def _itself(influence: wp.array) -> wp.array:
     return influence
 
 

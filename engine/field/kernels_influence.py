@@ -90,23 +90,34 @@ def transform_of_far_part(
 
 
 @wp.kernel
-def transform_of_blurred_rest(
+def transform_of_blurred_rests(
     first: int,
     waves: Waves,
-    variance: wp.float64,
+    variance: wp.array(dtype=wp.float64),
+    at_zero: wp.array(dtype=wp.float64),
     cutoff: wp.float64,
-    at_zero: wp.float64,
+    size: int,
     # outputs
-    influence: wp.array(dtype=float),
+    influence: wp.array(dtype=wp.uint64),
 ):
-    """Transform of -log r blurred by a Gaussian, less the split's far part, times the window; ``at_zero`` at wave number 0."""
+    """Transforms of -log r blurred by Gaussians, less the split's far part, times the window; ``at_zero`` at wave number 0.
+
+    ``influence`` has the addresses of arrays of a ``size``, one for each variance: what they share is most of the work.
+    """
     row, column, index = wave_at(first + wp.tid(), waves)
     square = wave_square(row, column, waves)
-    value = at_zero
+    inverse = wp.float64(0.0)
+    split = wp.float64(0.0)
     if square > wp.float64(0.0):
-        blurred = wp.exp(wp.float64(-0.5) * variance * square)
-        value = wp.float64(2.0 * wp.pi) / square * (blurred - transform_of_split(square * cutoff * cutoff))
-    influence[index] = float(value * waves.window_x[column] * waves.window_y[row])
+        inverse = wp.float64(2.0 * wp.pi) / square
+        split = transform_of_split(square * cutoff * cutoff)
+    for k in range(variance.shape[0]):
+        value = at_zero[k]
+        if square > wp.float64(0.0):
+            blurred = wp.exp(wp.float64(-0.5) * variance[k] * square)
+            value = inverse * (blurred - split)
+        result = wp.array(ptr=influence[k], shape=(size,), dtype=float)
+        result[index] = float(value * waves.window_x[column] * waves.window_y[row])
 
 
 @wp.kernel

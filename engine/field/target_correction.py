@@ -7,7 +7,6 @@ follow is transformed once.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import partial
 
 import numpy as np
 import warp as wp
@@ -18,7 +17,7 @@ from ..space.target_deposit import deposit_images, mix_images
 from . import kernels_correction
 from .blur import Blur
 from .field_meshes import FINEST_BLUR_OVER_MESH, target_mesh, widest_blur
-from .influence import convolution_of, rest_influence
+from .influence import convolution_of, rest_influences
 
 __all__ = ["TargetCorrection"]
 
@@ -156,27 +155,23 @@ class TargetCorrection:
         # What the mesh is too coarse for would be aliases.
         least = (FINEST_BLUR_OVER_MESH * max(layout.spacing)) ** 2
 
-        def influence_of(variance: float) -> wp.array:
-            return launcher.shared(
-                ("rest influence", layout, variance, cutoff),
-                partial(rest_influence, convolution, layout, variance, cutoff),
-            )
-
         def meshes() -> Iterator[wp.array]:
             for part, _ in parts:
                 targets = mix_images(launcher, deposited, part[None], layout.node_count)
                 for level in range(len(levels)):
                     yield self.blur.take_level(level, targets)
 
-        influences = [
-            [
-                influence_of(max((of_charge + of_target) / narrower, least))
-                for _, narrower in parts
-                for of_target in levels
-            ]
+        variances = [
+            max((of_charge + of_target) / narrower, least)
             for of_charge in levels
+            for _, narrower in parts
+            for of_target in levels
         ]
-        convolution.add_up(influences, meshes(), result)
+        influences = rest_influences(convolution, layout, variances, cutoff)
+        of_level = len(parts) * len(levels)
+        convolution.add_up(
+            [influences[begin : begin + of_level] for begin in range(0, len(influences), of_level)], meshes(), result
+        )
 
 
 def _distinct_rows(attraction: np.ndarray, image: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -16,8 +16,18 @@ OF_A_TYPE = {"dtype", "ndim"}
 
 
 def without_device(source: str) -> Iterator[int]:
-    """Lines of the calls that make an array, or launch, and leave the device to Warp."""
-    for node in ast.walk(ast.parse(source)):
+    """Lines of the calls that make an array, or launch, and leave the device to Warp; what a kernel makes is where it runs."""
+    tree = ast.parse(source)
+    in_kernels = {
+        inner
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef) and any(ast.unparse(d) == "wp.kernel" for d in node.decorator_list)
+        for statement in node.body
+        for inner in ast.walk(statement)
+    }
+    for node in ast.walk(tree):
+        if node in in_kernels:
+            continue
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in MAKERS:
             given = {keyword.arg for keyword in node.keywords}
             is_warp = isinstance(node.func.value, ast.Name) and node.func.value.id == "wp"
@@ -33,3 +43,5 @@ def test_every_array_has_a_device(path: Path):
 def test_the_check_sees_a_missing_device():
     assert list(without_device("x = wp.array([0, 1], dtype=wp.int32)\ny: wp.array(dtype=float)")) == [1]
     assert list(without_device("x = wp.zeros(3, dtype=float, device=d)")) == []
+    assert list(without_device("def f(p):\n    x = wp.array(ptr=p, shape=(3,), dtype=float)")) == [2]
+    assert list(without_device("@wp.kernel\ndef f(p: int):\n    x = wp.array(ptr=p, shape=(3,), dtype=float)")) == []
