@@ -28,8 +28,8 @@ __all__ = [
 
 # Nodes beyond either end of a periodic mesh that splines within it reach.
 FOLD = 3
-# Bands of the last few meshes and images are kept: scenes of a batch are alike.
-MOST_KEPT = 16
+# Bands of the last few meshes and images are kept: scenes of a batch are alike. An edit needs a dozen, of which half stay the same.
+MOST_KEPT = 32
 # What is moved into a pixel ends at least so far inside it, and at most so much farther, over the pixel's size.
 EDGE, DEEPEST = 1e-3, 1e-3
 # Weights of the pixels that reach each cell or node along one axis: the first pixel (may lie outside), shape [cells], and
@@ -228,5 +228,7 @@ def _spline_integral(x: np.ndarray) -> np.ndarray:
     x = np.clip(x, -2.0, 2.0)
     total = np.zeros_like(x)
     for shift, factor in zip((-2.0, -1.0, 0.0, 1.0), (1.0, -4.0, 6.0, -4.0), strict=True):
-        total += factor * np.maximum(x - shift, 0.0) ** 4
+        # NumPy takes ten times as long for a fourth power.
+        square = np.maximum(x - shift, 0.0) ** 2
+        total += factor * (square * square)
     return total / 24.0
