@@ -74,7 +74,14 @@ class _KnownLaunch:
             if count != self._count:
                 launch.set_dim(count)
                 self._count = count
-            launch.set_params_from_ctypes(values)
+            # As `set_params_from_ctypes` does, which takes a call for each.
+            params, addresses = launch.params, launch.params_addr
+            for index, value in enumerate(values, 1):
+                if isinstance(value, ctypes.Structure):
+                    params[index] = value
+                    addresses[index] = ctypes.addressof(value)
+                else:
+                    params[index].__init__(value)
             launch.launch()
         return True
 

@@ -42,6 +42,8 @@ class GpuMemory:
         self._zeros = _Block(device)
         self._sent = _Block(device)
         self._mirror = np.empty(0, np.uint8)
+        # The mirror as Warp copies it.
+        self._source: wp.array | None = None
         # Which part of the mirror has not been sent yet.
         self._begin = self._end = 0
 
@@ -74,6 +76,8 @@ class GpuMemory:
         if self._sent.room < size:
             self.send()
             self._sent, self._mirror = _Block(self._device, BLOCK), np.zeros(BLOCK, np.uint8)
+            address = self._mirror.ctypes.data
+            self._source = wp.array(ptr=address, shape=BLOCK, dtype=wp.uint8, device="cpu")
             self._begin = self._end = 0
         begin = self._sent.end
         view = self._sent.view(shape, dtype, size)
@@ -85,10 +89,9 @@ class GpuMemory:
         """Send what waits, before anything that is launched from now on."""
         if self._begin == self._end:
             return
-        waiting = self._mirror[self._begin : self._end]
-        source = wp.array(ptr=waiting.ctypes.data, shape=len(waiting), dtype=wp.uint8, device="cpu")
+        begin, count = self._begin, self._end - self._begin
         # The driver has taken it out of memory that is not pinned when this returns.
-        wp.copy(self._sent.memory, source, dest_offset=self._begin)
+        wp.copy(self._sent.memory, self._source, dest_offset=begin, src_offset=begin, count=count)
         self._begin = self._end = -(-self._end // ALIGNMENT) * ALIGNMENT
 
 
