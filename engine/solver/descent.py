@@ -15,6 +15,7 @@ import warp as wp
 
 from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBORS, Launcher
 from ..field.field import FieldTarget
+from ..problem.of_bodies import distinct
 from ..problem.placement import Placement
 from ..space.support import images_for_kernels
 from ..space.target_deposit import mix_images
@@ -84,7 +85,7 @@ class Descent:
         self._space = model.space.for_kernels()
         self.rules = LineRules(model, launcher)
         self.bodies = bodies_for_kernels(model, launcher)
-        self.has_dots = bool((model.body.kind < 0).any())
+        self.has_dots = bool((distinct(model.body.kind) < 0).any())
         self.at_once = 1 if device.is_cuda else kernels_dots.DOTS_AT_ONCE
         self._forces = Forces(
             model,

@@ -26,7 +26,7 @@ from .model import Model
 from .places_in_support import move_poses_into_support
 from .size_edit import Rows, SizeEdit, around, compare_size, list_bodies, read_numbers
 
-__all__ = ["EditInPlane"]
+__all__ = ["EditInPlane", "in_order"]
 
 # Gets densities over the domain or a part of it, row 0 at the bottom, and counts, and begins to spread as many points over each; what
 # it returns returns these [m], each ``wp.vec2d``.
@@ -162,11 +162,12 @@ class EditInPlane:
         gone = numbers_of_marked(launcher, marked)
         before = old.body.identities_on(launcher)
         went = read_numbers(launcher, gone, before)
-        new = np.sort(np.concatenate(self._new))
-        came = np.empty(len(new), np.int32)
-        is_fixed = model.fixed[new]
-        came[~is_fixed] = first_identity + np.arange(len(new) - int(is_fixed.sum()), dtype=np.int32)
-        came[is_fixed] = model.body.identity[new[is_fixed]]
+        new = in_order(np.concatenate(self._new))
+        came = np.arange(first_identity, first_identity + len(new), dtype=np.int32)
+        if model.has_fixed:
+            is_fixed = model.fixed[new]
+            came[~is_fixed] = came[: len(new) - int(is_fixed.sum())]
+            came[is_fixed] = model.body.identity[new[is_fixed]]
         # Who stays keeps its own, be it fixed now or not.
         identity = launcher.empty(model.body_count, wp.int32)
         launcher.launch(kernels_edit.carry_identities, model.body_count, [self._source, before], [identity])
@@ -231,6 +232,11 @@ def _ranges(model: Model) -> list[tuple[tuple[str, str], int, int, int]]:
             begin, end = end, end + (size.count or 0)
             result.append(((body_class.name, size.name), c, begin, end))
     return result
+
+
+def in_order(numbers: np.ndarray) -> np.ndarray:
+    """Numbers from the smallest on; it is soon seen that they are, as they mostly do come."""
+    return numbers if (numbers[1:] >= numbers[:-1]).all() else np.sort(numbers)
 
 
 def _listed(rows: Rows) -> np.ndarray:

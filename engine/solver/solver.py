@@ -31,7 +31,7 @@ from .carried_lines import carry_lines
 from .carried_over import CarriedInPlane, CarriedOver
 from .choice_of_start import choose_start, number_of_starts
 from .descent import Descent
-from .edit import EditInPlane
+from .edit import EditInPlane, in_order
 from .final_placement import (
     angle_within,
     looks_at_point,
@@ -357,7 +357,7 @@ class Solver:
             self._stepped(steps)
         if steps or problem.avoid_overlap:
             self.separate(again=True)
-        return Edit(np.sort(added), np.sort(removed), steps)
+        return Edit(in_order(added), in_order(removed), steps)
 
     def _edit_on_surface(
         self, problem: Problem, before_edit: SurfaceDescent
