@@ -20,3 +20,14 @@ def list_marked(
     i = first + wp.tid()
     if marked[i] != 0:
         number[place[i]] = begin + i
+
+
+@wp.kernel
+def list_all(
+    first: int,
+    # outputs
+    number: wp.array(dtype=wp.int32),
+):
+    """Number all elements."""
+    i = first + wp.tid()
+    number[i] = i

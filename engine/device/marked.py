@@ -1,4 +1,4 @@
-"""Lists of those of many elements that a kernel has marked."""
+"""Lists of those of many elements that a kernel has marked, or of all."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from . import kernels_marked
 from .launcher import Launcher
 from .running_sum import running_sum
 
-__all__ = ["numbers_of_marked"]
+__all__ = ["numbers_of_marked", "numbers_up_to"]
 
 
 def numbers_of_marked(launcher: Launcher, marked: wp.array, begin: int = 0) -> wp.array:
@@ -23,4 +23,11 @@ def numbers_of_marked(launcher: Launcher, marked: wp.array, begin: int = 0) -> w
     number = launcher.empty(count, wp.int32)
     if count:
         launcher.launch(kernels_marked.list_marked, len(marked), [marked, place, begin], [number])
+    return number
+
+
+def numbers_up_to(launcher: Launcher, count: int) -> wp.array:
+    """Return the numbers from 0 to ``count - 1``, ``wp.int32``; nobody waits for a million to be counted out here."""
+    number = launcher.empty(count, wp.int32)
+    launcher.launch(kernels_marked.list_all, count, [], [number])
     return number

@@ -14,6 +14,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBORS, Launcher
+from ..device.marked import numbers_up_to
 from ..field.field import FieldTarget
 from ..problem.of_bodies import distinct
 from ..problem.placement import Placement
@@ -324,7 +325,7 @@ def bodies_for_kernels(model: Model, launcher: Launcher) -> kernels_descent.Bodi
     table, charge = model.body, model.charge
     bodies = kernels_descent.Bodies()
     bodies.support = launcher.array(table.support, wp.int32)
-    bodies.group = launcher.array(table.group, wp.int32)
+    bodies.group = table.group_on(launcher)
     bodies.kind = launcher.array(table.kind, wp.int32)
     bodies.flags = launcher.array(table.flags, wp.int32)
     bodies.first_charge = _first_charges(model, launcher)
@@ -337,7 +338,4 @@ def _first_charges(model: Model, launcher: Launcher) -> wp.array:
     """Index of the first charge of every body and, at the end, their number, for kernels."""
     if model.charge_count != model.body_count:
         return launcher.array(model.charge.first, wp.int32)
-    # One a body: written there, where nobody waits for a million numbers to be counted out here.
-    first = launcher.empty(model.body_count + 1, wp.int32)
-    launcher.launch(kernels_descent.number_charges, len(first), [], [first])
-    return first
+    return numbers_up_to(launcher, model.body_count + 1)

@@ -81,7 +81,7 @@ def first_pose(
         )
         first += body_class.body_count
     if model.body_count >= MANY_BODIES:
-        pose = _in_rows(launcher, model, pose)
+        pose = _in_rows(launcher, model, pose, of_bodies[1])
     if model.has_fixed:
         values = pose.numpy()
         values[model.fixed, :2] = problem.fixed.position / model.unit
@@ -89,21 +89,22 @@ def first_pose(
     return pose
 
 
-def _in_rows(launcher: Launcher, model: Model, pose: wp.array) -> wp.array:
+def _in_rows(launcher: Launcher, model: Model, pose: wp.array, group: wp.array) -> wp.array:
     """Deal the places of every group out to its bodies again, row after row from below and from left to right in each.
 
     In this order the field goes through them, so that a step reads and writes memory along a few lines: a tenth less time for
     1,000,000 bodies. Places of fixed bodies stay among these.
     """
-    group = model.body.group
-    kinds = model.groups.count
-    if model.has_fixed:
-        group = np.where(model.fixed, kinds, group).astype(np.int32)
-        kinds += 1
-    source = order_of_groups(launcher, pose, model.size, group, kinds)
+    count = model.groups.body_count
+    # Those that lie group after group need not be listed.
+    bodies = launcher.empty(0, wp.int32)
+    if model.has_fixed or model.groups.first_body is None:
+        kinds = model.groups.count + int(model.has_fixed)
+        given = np.where(model.fixed, kinds - 1, model.body.group).astype(np.int32)
+        count, group = np.bincount(given, minlength=kinds), launcher.array(given, wp.int32)
+        bodies = launcher.array(_group_after_group(given, kinds), wp.int32)
+    source = order_of_groups(launcher, pose, model.size, group, count)
     result = launcher.empty(model.body_count, wp.vec4)
-    # Those of a single group need not be listed.
-    bodies = launcher.array(_group_after_group(group, kinds) if kinds > 1 else np.zeros(0, np.int32), wp.int32)
     launcher.launch(kernels_start.take_poses, model.body_count, [pose, source, bodies], [result])
     return result
 
@@ -133,8 +134,8 @@ def body_starts(model: Model, launcher: Launcher, start: int = 0) -> tuple[np.nd
     shift = (rng.random() + GOLDEN * np.arange(model.groups.count)) % 1.0
     of_bodies = [
         launcher.array(model.body.support, wp.int32),
-        launcher.array(group, wp.int32),
-        launcher.array(_ranks(model, count), wp.int32),
+        model.body.group_on(launcher),
+        _ranks(launcher, model, count),
         model.body.identities_on(launcher),
         launcher.array(np.maximum(count, 1), wp.int32),
         launcher.array(shift, wp.float64),
@@ -153,18 +154,20 @@ def initial_placement(problem: Problem) -> np.ndarray:
         launcher.close()
 
 
-def _ranks(model: Model, count: np.ndarray) -> np.ndarray:
-    """Number of every body among those of its group that are not fixed, of which there are so many; 0 for all others."""
+def _ranks(launcher: Launcher, model: Model, count: np.ndarray) -> wp.array:
+    """Number of every body among those of its group that are not fixed, of which there are so many; 0 for all others; ``wp.int32``."""
     body_group = model.body.group
     if not model.has_fixed and model.groups.first_body is not None:
-        begin = model.groups.first_body[:-1].astype(np.int32)
-        return np.arange(len(body_group), dtype=np.int32) - (np.repeat(begin, count) if len(begin) > 1 else begin)
+        begin = launcher.array(model.groups.first_body[:-1].astype(np.int32), wp.int32)
+        result = launcher.empty(len(body_group), wp.int32)
+        launcher.launch(kernels_start.rank_bodies, len(body_group), [model.body.group_on(launcher), begin], [result])
+        return result
     bodies = np.flatnonzero(~model.fixed)
     first = np.concatenate([[0], np.cumsum(count)])
     by_group = bodies[_group_after_group(body_group[bodies], len(count))]
     rank = np.zeros(len(body_group), dtype=np.int32)
     rank[by_group] = np.arange(len(bodies)) - first[body_group[by_group]]
-    return rank
+    return launcher.array(rank, wp.int32)
 
 
 def _pyramid(launcher: Launcher, model: Model, class_index: int, order: int, part: Part | None) -> wp.array:

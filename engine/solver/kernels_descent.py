@@ -446,17 +446,6 @@ def bend_line(
 
 
 @wp.kernel
-def number_charges(
-    first: int,
-    # outputs
-    first_charge: wp.array(dtype=wp.int32),
-):
-    """Number the charges of bodies that have one each."""
-    i = first + wp.tid()
-    first_charge[i] = i
-
-
-@wp.kernel
 def propose_lines(
     first: int,
     thread: int,

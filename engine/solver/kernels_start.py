@@ -161,6 +161,19 @@ def place_bodies(
 
 
 @wp.kernel
+def rank_bodies(
+    first: int,
+    group: wp.array(dtype=wp.int32),
+    begin: wp.array(dtype=wp.int32),
+    # outputs
+    rank: wp.array(dtype=wp.int32),
+):
+    """Number of a body among those of its group, which lie one after the other from where it begins."""
+    i = first + wp.tid()
+    rank[i] = i - begin[group[i]]
+
+
+@wp.kernel
 def take_poses(
     first: int,
     pose: wp.array(dtype=wp.vec4),

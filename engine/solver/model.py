@@ -10,11 +10,13 @@ from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
+from ..device.marked import numbers_up_to
 from ..problem.body_charges import BodyCharges, charges_of
 from ..problem.body_footprints import BodyFootprints, footprints_of
 from ..problem.interaction import Groups, group_bodies
@@ -69,7 +71,8 @@ class BodyTable:
         area: Its footprint [m²], float64.
         longest: Longest axis that is asked of it [m], float64; 0 for a dot.
         flags: See :class:`~.body_flags.BodyFlags`.
-        identities: What is random about it follows from this number, see :meth:`~.problem.Problem.body_ids`; maybe on the device.
+        identities: What is random about it follows from this number, see :meth:`~.problem.Problem.body_ids`; maybe on the device, or a
+            range that begins with 0.
         support: Which of the model's supports says where it may be.
     """
 
@@ -80,18 +83,33 @@ class BodyTable:
     area: np.ndarray
     longest: np.ndarray
     flags: np.ndarray
-    identities: np.ndarray | wp.array
+    identities: np.ndarray | wp.array | range
     support: np.ndarray
 
     @cached_property
     def identity(self) -> np.ndarray:
         """The identities, for whoever asks: after an edit in the plane they are on the device."""
-        return self.identities if isinstance(self.identities, np.ndarray) else self.identities.numpy()
+        given = self.identities
+        if isinstance(given, range):
+            return np.arange(len(given), dtype=np.int32)
+        return given if isinstance(given, np.ndarray) else given.numpy()
 
     def identities_on(self, launcher: Launcher) -> wp.array:
         """The identities for kernels."""
         given = self.identities
+        if isinstance(given, range):
+            return numbers_up_to(launcher, len(given))
         return launcher.array(given, wp.int32) if isinstance(given, np.ndarray) else given
+
+    def group_on(self, launcher: Launcher) -> wp.array:
+        """The groups for kernels, of which none may change them."""
+        if launcher not in self._groups_on:
+            self._groups_on[launcher] = launcher.array(self.group, wp.int32)
+        return self._groups_on[launcher]
+
+    @cached_property
+    def _groups_on(self) -> WeakKeyDictionary[Launcher, wp.array]:
+        return WeakKeyDictionary()
 
     @cached_property
     def flagged(self) -> bool:
@@ -165,7 +183,7 @@ class Model:
             area=area,
             longest=of_bodies(longest, counts, np.float64),
             flags=flags,
-            identities=problem.body_ids().astype(np.int32, copy=False),
+            identities=problem.body_ids().astype(np.int32, copy=False) if self.has_fixed else range(n),
             support=supports.of_body.astype(np.int32, copy=False),
         )
         self.charge: BodyCharges = charges_of(problem)

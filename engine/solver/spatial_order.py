@@ -35,7 +35,7 @@ def spatial_order(launcher: Launcher, pose: wp.array, size: tuple[float, float])
 
 
 def order_of_groups(
-    launcher: Launcher, pose: wp.array, size: tuple[float, float], group: np.ndarray, group_count: int
+    launcher: Launcher, pose: wp.array, size: tuple[float, float], group: wp.array, count: np.ndarray
 ) -> wp.array:
     """Return the numbers of all bodies, group after group, and of each row after row, cell after cell from left to right.
 
@@ -43,17 +43,16 @@ def order_of_groups(
         launcher: Where to run.
         pose: Positions, and what else, ``wp.vec4``, shape ``[n]``.
         size: Extent of the domain.
-        group: Of every body, shape ``[n]``.
-        group_count: Number of groups.
+        group: Of every body, ``wp.int32``, shape ``[n]``.
+        count: Bodies of every group.
 
     Returns:
         ``wp.int32``, shape ``[n]`` or longer.
     """
-    count = np.bincount(group, minlength=group_count) if group_count > 1 else np.array([len(group)])
     rows = np.maximum(np.sqrt(count) / ROW_HEIGHT, 1.0).astype(np.int32)
     columns = np.maximum(count / (rows * ROW_HEIGHT * CELL_WIDTH), 1.0).astype(np.int32)
     begin = np.concatenate([[0], np.cumsum(rows.astype(np.int64) * columns)])
     cells = CellSort(launcher, len(group), int(begin[-1]))
-    of_groups = [launcher.array(values.astype(np.int32), wp.int32) for values in (group, rows, columns, begin)]
-    cells.sort(kernels_spatial_order.row_cells_of_groups, [pose, wp.vec2(*size), *of_groups])
+    of_groups = [launcher.array(values.astype(np.int32), wp.int32) for values in (rows, columns, begin)]
+    cells.sort(kernels_spatial_order.row_cells_of_groups, [pose, wp.vec2(*size), group, *of_groups])
     return cells.order

@@ -40,7 +40,8 @@ def test_groups_come_one_after_the_other_each_in_rows_of_its_own():
     rows, columns = np.where(group == 0, 10, 2), np.where(group == 0, 5, 1)
     row, column = (pose[:, 1] / np.float32(size[1]) * rows).astype(int), (pose[:, 0] / 30.0 * columns).astype(int)
     try:
-        order = order_of_groups(launcher, wp.array(pose, dtype=wp.vec4, device="cpu"), size, group, 3).numpy()
+        given = wp.array(pose, dtype=wp.vec4, device="cpu"), size, launcher.array(group, wp.int32)
+        order = order_of_groups(launcher, *given, np.bincount(group, minlength=3)).numpy()
     finally:
         launcher.close()
     np.testing.assert_array_equal(order[:416], np.lexsort((column, row, group)))
