@@ -25,7 +25,7 @@ class KernelArguments:
 
     def __init__(self, kernel: wp.Kernel, given: Sequence[Any], taken: Sequence[type]) -> None:
         self._arguments = [
-            (argument.type, type(value), (value.dtype, value.ndim) if type(value) is wp.array else kind)
+            (type(value), *_rule_of(argument.type, value, kind))
             for argument, value, kind in zip(kernel.adj.args, given, taken, strict=True)
         ]
 
@@ -37,22 +37,36 @@ class KernelArguments:
         if len(given) != len(self._arguments):
             return None
         values: list[Any] = []
-        for (kind, before, made), value in zip(self._arguments, given, strict=True):
+        for (before, rule, dtype, ndim), value in zip(self._arguments, given, strict=True):
             if type(value) is not before:
                 return None
-            if before is wp.array:
-                if (value.dtype, value.ndim) != made:
+            if rule == _ARRAY:
+                if value.dtype is not dtype or value.ndim != ndim:
                     return None
                 values.append(value.__ctype__())
-            elif isinstance(kind, _Struct):
+            elif rule == _STRUCTURE:
                 values.append(value.__ctype__())
-            elif (before is int and kind in (int, wp.int32) and -(2**31) <= value < 2**31) or (
-                before in (int, float) and kind in (float, wp.float32, wp.float64)
-            ):
-                values.append(value)
-            elif before is made:
-                # A vector, which is passed as it is.
+            elif rule == _AS_IS or (rule == _WHOLE and -(2**31) <= value < 2**31):
                 values.append(value)
             else:
                 return None
         return values
+
+
+# How an argument is passed on.
+_ARRAY, _STRUCTURE, _WHOLE, _AS_IS, _BY_WARP = range(5)
+
+
+def _rule_of(kind: Any, value: Any, taken: type) -> tuple[int, Any, int]:
+    """How an argument of a kind is passed on whose value was this, of which Warp made what is ``taken``; and an array's elements."""
+    before = type(value)
+    if before is wp.array:
+        return _ARRAY, value.dtype, value.ndim
+    if isinstance(kind, _Struct):
+        return _STRUCTURE, None, 0
+    if before is int and kind in (int, wp.int32):
+        return _WHOLE, None, 0
+    if before in (int, float) and kind in (float, wp.float32, wp.float64):
+        return _AS_IS, None, 0
+    # A vector is passed as it is.
+    return (_AS_IS if before is taken else _BY_WARP), None, 0
