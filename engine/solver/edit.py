@@ -171,12 +171,8 @@ class EditInPlane:
         # Who stays keeps its own, be it fixed now or not.
         identity = launcher.empty(model.body_count, wp.int32)
         launcher.launch(kernels_edit.carry_identities, model.body_count, [self._source, before], [identity])
-        launcher.launch(
-            kernels_edit.give_identities,
-            len(new),
-            [launcher.array(new, wp.int32), launcher.array(came, wp.int32)],
-            [identity],
-        )
+        given = [*self._rows_for_kernels(_as_range(new)), *self._rows_for_kernels(_as_range(came))]
+        launcher.launch(kernels_edit.give_identities, len(new), given, [identity])
         changes = [*self._changes, self._places(gone)]
         return CarriedInPlane(self._source, identity, self.pose, new, came, went.numpy(), changes)
 
@@ -237,6 +233,12 @@ def _ranges(model: Model) -> list[tuple[tuple[str, str], int, int, int]]:
 def in_order(numbers: np.ndarray) -> np.ndarray:
     """Numbers from the smallest on; it is soon seen that they are, as they mostly do come."""
     return numbers if (numbers[1:] >= numbers[:-1]).all() else np.sort(numbers)
+
+
+def _as_range(rows: np.ndarray) -> Rows:
+    """Rows that need not be listed where they follow each other."""
+    follow = len(rows) > 0 and rows[-1] - rows[0] == len(rows) - 1 and bool((rows[1:] > rows[:-1]).all())
+    return range(int(rows[0]), int(rows[-1]) + 1) if follow else rows
 
 
 def _listed(rows: Rows) -> np.ndarray:

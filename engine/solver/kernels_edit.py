@@ -342,14 +342,16 @@ def carry_identities(
 @wp.kernel
 def give_identities(
     first: int,
+    first_row: int,
     row: wp.array(dtype=wp.int32),
+    first_given: int,
     given: wp.array(dtype=wp.int32),
     # outputs
     identity: wp.array(dtype=wp.int32),
 ):
-    """Give identities to the bodies of some rows."""
+    """Give identities to the bodies of some rows: those from the first one on where they are not listed."""
     k = first + wp.tid()
-    identity[row[k]] = given[k]
+    identity[row_at(k, first_row, row)] = row_at(k, first_given, given)
 
 
 @wp.kernel
