@@ -183,6 +183,7 @@ def _pyramid(launcher: Launcher, model: Model, class_index: int, order: int, par
             share = wp.array(vacant.ravel(), dtype=float, device=launcher.device)
     pyramid = launcher.empty((4 ** (order + 1) - 1) // 3, wp.float64)
     launcher.launch(kernels_start.copy_finest, 4**order, [share, order], [pyramid])
-    for level in reversed(range(order)):
-        launcher.launch(kernels_start.sum_quarters, 4**level, [level], [pyramid])
+    for end in range(order, 0, -2):
+        level = max(end - 2, 0)
+        launcher.launch(kernels_start.sum_quarters, 4**level, [level, end - level], [pyramid])
     return pyramid
