@@ -16,7 +16,7 @@ from ...engine.problem.image_filters import luminance
 from ..targets.target import check_exists
 from .density_source import checksum
 
-__all__ = ["FIRST_TILE", "TILES_IN_ROW", "StoredImage", "image_pixels", "only_shown", "read_image"]
+__all__ = ["FIRST_TILE", "TILES_IN_ROW", "StoredImage", "any_image", "image_pixels", "only_shown", "read_image"]
 
 # Tiles of an image are numbered from here on, so many for each whole step of v.
 FIRST_TILE = 1001
@@ -62,6 +62,13 @@ class StoredImage:
     @cached_property
     def _channels(self) -> dict[tuple[str, str], dict[int, np.ndarray]]:
         return {}
+
+
+def any_image() -> bpy.types.Image | None:
+    """Return an image of the file whose pixels can be read; None where there is none."""
+    # Those that were made here, and maybe painted, are of the type that is called "UV_TEST".
+    found = (image for image in bpy.data.images if image.type in ("IMAGE", "UV_TEST") and image.size[0])
+    return next(found, None)
 
 
 def only_shown(image: bpy.types.Image) -> str:

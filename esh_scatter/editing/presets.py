@@ -13,6 +13,7 @@ from ...engine.problem.validation import show
 from ..classes.name_lists import joined_names
 from ..classes.stand_ins import stand_in
 from ..densities.density_curve import curve_node
+from ..densities.image_pixels import any_image
 from ..properties.amount_ahead import area_of
 from ..targets.target import extent_of, members_of
 from .beside_others import fit_beside_others, free_share
@@ -189,7 +190,7 @@ def _add_layer(body_class: Any, values: Mapping[str, Any], ground: float, where:
         given["noise_scale"] = float(values[_NOISE_SIZE]) * math.sqrt(ground)
     _set(kinds, given, f"layers of {where}", ())
     if kinds.kind == "IMAGE" and kinds.image is None:
-        kinds.image = next((i for i in bpy.data.images if i.type in ("IMAGE", "UV_TEST") and i.size[0]), None)
+        kinds.image = any_image()
     curve = values.get("curve")
     if curve:
         kinds.use_curve = True

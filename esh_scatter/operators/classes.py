@@ -105,8 +105,9 @@ class ESH_OT_class_duplicate(ClassEdit):
         return {"FINISHED"}
 
 
-# Blender needs the texts of an enumeration to stay in memory.
+# Blender needs the texts of an enumeration to stay in memory, also those that it was given before: a dialog that is open shows these.
 _other_classes: list[tuple[str, str, str, int]] = []
+_texts: dict[str, str] = {}
 
 
 def _list_other_classes(_operator: Any, context: bpy.types.Context | None) -> list[tuple[str, str, str, int]]:
@@ -115,10 +116,11 @@ def _list_other_classes(_operator: Any, context: bpy.types.Context | None) -> li
     if scatter:
         # An enumeration of which several can be chosen has 32 bits.
         numbers = [i for i in range(len(scatter.classes)) if i != scatter.class_index][:31]
-        _other_classes.extend(
-            (str(scatter.classes[i].uid), scatter.classes[i].name, "Give this class the settings", 1 << bit)
-            for bit, i in enumerate(numbers)
-        )
+        for bit, i in enumerate(numbers):
+            uid, name = (
+                _texts.setdefault(text, text) for text in (str(scatter.classes[i].uid), scatter.classes[i].name)
+            )
+            _other_classes.append((uid, name, "Give this class the settings", 1 << bit))
     return _other_classes
 
 

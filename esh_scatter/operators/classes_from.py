@@ -14,6 +14,7 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 from ...engine.errors import EshError
 from ...engine.problem.ink_models import DEFAULT_MODEL, INK_MODELS
 from ...engine.problem.scatter_settings import TargetSettings
+from ..densities.image_pixels import any_image
 from ..properties.described import values_from
 from ..properties.scene import active_scatter, selected_scatter
 from ..result.scene_units import sentence
@@ -59,7 +60,8 @@ class ESH_OT_classes_from_image(Edit):
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Ask for image and inks; where there is no image yet, for its file."""
         if bpy.data.images.get(self.image) is None:
-            self.image = next((i.name for i in bpy.data.images if i.type == "IMAGE"), "")
+            found = any_image()
+            self.image = found.name if found is not None else ""
         if not self.image:
             context.window_manager.fileselect_add(self)
             return {"RUNNING_MODAL"}

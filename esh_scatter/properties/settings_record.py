@@ -278,7 +278,11 @@ def _differing_class(before: dict[str, Any], now: dict[str, Any], uid: str, grou
         name = now["names"].get(f"{uid}.{key}", "")
         return name if before["names"].get(f"{uid}.{key}") == name else ""
 
-    found = _of(group.name, _differing(old["values"], new["values"], group, name_of, _idle(group, apart)))
+    # Where it is switched on or off to look somewhere, that says it.
+    switched = old["values"].get("use_look_at") != new["values"].get("use_look_at")
+    said = {*LOOKS} - {"use_look_at"} if switched else set()
+    then, there = ({name: one["values"][name] for name in one["values"] if name not in said} for one in (old, new))
+    found = _of(group.name, _differing(then, there, group, name_of, _idle(group, apart)))
     if old.get("looks") != new.get("looks"):
         moved = group.look_at_object if new.get("looks") else None
         found.append(f"place of {moved.name}" if moved else f"what {group.name} looks at")

@@ -308,3 +308,26 @@ def test_the_window_waits_for_no_more_than_what_has_to_be_written(package: Path,
     for name, longest in (("warm", 0.5), ("thousand", 0.5), ("many", 1.0), ("undrawn", 1.0)):
         own = answer[name]["own"]
         assert own["invoke"] < 0.1 and own["modal"] < longest, name
+
+
+def test_an_artist_gathers_classes_and_leads_them_around_a_path(package: Path, tmp_path: Path):
+    answer = driven("gather_driver.py", package, tmp_path)
+    if not answer["mouse"]:
+        pytest.skip("nothing moves the mouse: xdotool is missing")
+    begun = {name: [count, name] for name, count in answer["begun"].items()}
+    assert answer["from_selection"] == {**begun, "Pebble": [100, "Pebble"]}
+    stones = {name: [100, name] for name in ("Boulder", "Chip")}
+    assert answer["from_collection"] == {**answer["from_selection"], **stones}
+    counts = [count for count, _ in answer["from_collection"].values()]
+    assert answer["gathered"] == [counts, 0, []]
+    assert answer["inks"] == [f"Two Colors {ink}" for ink in "CKMY"] and answer["image_undone"]
+    # They turn at once; whether their outlines still fit then, a run has to say.
+    number, off, changes = answer["looks"]
+    assert number == begun["Beech"][0] and off < 1e-5 and answer["stayed"] and changes == ["look at of Beech"]
+    assert answer["copied"] == ["Tower"] * 6 and answer["copy_undone"] == [["Beech"], changes]
+    assert answer["width"] == ["Path", 1.0]
+    beside, overlaps = answer["beside_path"]
+    assert beside > 0.5 and overlaps == 0
+    mode, all_there, highest = answer["sculpted"]
+    assert mode == "SCULPT" and all_there and highest > 0.95, "a pine stands on the raised ground"
+    assert answer["off_ground"] < 0.02

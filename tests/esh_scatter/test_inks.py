@@ -145,3 +145,14 @@ def test_where_there_is_no_image_its_file_is_opened(scatter_settings, tmp_path):
     assert len(scatter_settings.classes) > 0 and "ink.png" in bpy.data.images
     with pytest.raises(RuntimeError, match="cannot be read as an image"):
         bpy.ops.esh.classes_from_image(filepath=str(tmp_path / "nothing.png"))
+
+
+def test_the_dialog_begins_with_an_image_that_was_made_in_blender():
+    """Blender has a type of its own for those, also once they are painted."""
+    from esh.esh_scatter.densities.image_pixels import any_image
+
+    for image in list(bpy.data.images):
+        bpy.data.images.remove(image)
+    assert any_image() is None
+    painted = bpy.data.images.new("Painted", 8, 8)
+    assert painted.type == "UV_TEST" and any_image() == painted

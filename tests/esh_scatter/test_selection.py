@@ -523,6 +523,21 @@ def test_one_class_has_no_other_to_copy_to(scatter):
     assert len(scatter.classes) == 1 and not bpy.ops.esh.class_copy.poll()
 
 
+def test_the_names_of_a_dialog_that_is_open_stay_in_memory(scatter):
+    """Blender shows what it was given, also after it has asked again: one class had the name of another."""
+    from esh.esh_scatter.operators.classes import _list_other_classes
+
+    scatter.class_index = 0
+    given = list(_list_other_classes(None, bpy.context))
+    again = list(_list_other_classes(None, bpy.context))
+    assert [one[1] for one in given] == [one.name for one in scatter.classes][1:] and given == again
+    assert all(
+        one is other
+        for before, after in zip(given, again, strict=True)
+        for one, other in zip(before, after, strict=True)
+    )
+
+
 def test_every_property_of_a_class_belongs_to_one_part():
     from esh.esh_scatter.editing.class_copy import CLASS_PARTS
     from esh.esh_scatter.properties.body_class import ESH_PG_class
