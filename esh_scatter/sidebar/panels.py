@@ -106,9 +106,10 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
             said = "Select points; move (G) or remove (X) them. Instances, below, has more"
             follows = can_leave_edit_mode(context, result)
             live_does = "Live has the others make room" if follows else "Live goes on when you are done"
-            write_text(
-                context, layout.column(align=True), f"{said}. {live_does}" if scatter.live else said, icon="INFO"
-            )
+            column = layout.column(align=True)
+            write_text(context, column, f"{said}. {live_does}" if scatter.live else said, icon="INFO")
+            if told := live.status(context.scene, scatter):
+                write_text(context, column, told, icon="ERROR")
             return
         if is_painted(context, scatter):
             # The layer has that button, too, but often below the lower edge of the window.

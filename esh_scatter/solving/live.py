@@ -188,12 +188,22 @@ class _Live:
         if result is None or not _may_be_left(context, result):
             self._edited = None if result is None or result.mode == "OBJECT" else self._edited
             self._submit(context, scatter)
-        elif self._edited is None or _last_sign >= self._edited_at:
+        elif self._is_edited(scatter, result):
+            with outside_edit_mode(result):
+                self._submit(context, scatter)
+            self._edited, self._edited_at = (_settings_of(scatter), checksum_of_edited(result)), time.monotonic()
+
+    def _is_edited(self, scatter: Scatter, result: bpy.types.Object) -> bool:
+        """Tell whether settings are others, or points elsewhere, than when a result in Edit Mode was looked at last."""
+        if self._edited is None:
+            return True
+        settings, points = self._edited
+        # Points take time to look at, and Blender says when they may have moved.
+        if _last_sign >= self._edited_at:
             self._edited_at = time.monotonic()
-            if self._edited != _edited_now(scatter, result):
-                with outside_edit_mode(result):
-                    self._submit(context, scatter)
-                self._edited = _edited_now(scatter, result)
+            if points != checksum_of_edited(result):
+                return True
+        return settings != _settings_of(scatter)
 
     def _may_write(self, context: bpy.types.Context, scatter: Scatter) -> bool:
         """Tell whether the result can be written now: not while it is rendered, nor over what was just moved in Edit Mode."""
@@ -548,9 +558,9 @@ def _may_be_left(context: bpy.types.Context, result: bpy.types.Object) -> bool:
     return can_leave_edit_mode(context, result) and not strokes.edits_points()
 
 
-def _edited_now(scatter: Scatter, result: bpy.types.Object) -> tuple[str, tuple[int, int]]:
-    """Return the settings of a scatter, as far as they can be told in Edit Mode of its result, and where the points are."""
-    return json.dumps(scatter.record(), separators=(",", ":")), checksum_of_edited(result)
+def _settings_of(scatter: Scatter) -> str:
+    """Return the settings of a scatter, as far as they can be told in Edit Mode of its result."""
+    return json.dumps(scatter.record(), separators=(",", ":"))
 
 
 def _needs_a_new_start(before: dict[str, Any], now: dict[str, Any]) -> bool:

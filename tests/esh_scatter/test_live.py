@@ -239,6 +239,19 @@ def follow_until_answered(follow):
     follow(until=lambda: one._waiting is not None)
 
 
+def test_settings_that_change_without_a_sign_are_followed_in_edit_mode(scatter, follow, edit_points):
+    """Blender says nothing of what scripts change."""
+    import bmesh
+
+    switch_on(scatter, follow)
+    edit_points([])
+    follow()
+    for count in (200, 400):
+        scatter.classes["Pine"].mute = count == 200
+        follow()
+        assert scatter.result.mode == "EDIT" and len(bmesh.from_edit_mesh(scatter.result.data).verts) == count
+
+
 def test_an_operator_of_edit_mode_is_waited_for(scatter, follow, edit_points, monkeypatch):
     before = switch_on(scatter, follow)
     edit_points([next(iter(before))])
