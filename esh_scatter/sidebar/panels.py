@@ -103,13 +103,7 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
             # It was switched on in the file that was opened, or by redo.
             live.wake()
         if editing:
-            said = "Select points; move (G) or remove (X) them. Instances, below, has more"
-            follows = can_leave_edit_mode(context, result)
-            live_does = "Live has the others make room" if follows else "Live goes on when you are done"
-            column = layout.column(align=True)
-            write_text(context, column, f"{said}. {live_does}" if scatter.live else said, icon="INFO")
-            if told := live.status(context.scene, scatter):
-                write_text(context, column, told, icon="ERROR")
+            _draw_editing(context, layout.column(align=True), scatter, result)
             return
         if is_painted(context, scatter):
             # The layer has that button, too, but often below the lower edge of the window.
@@ -299,6 +293,18 @@ class ESH_PT_advanced(SubPanel, bpy.types.Panel):
         seed.prop(scatter, "seed")
         seed.operator("esh.seed_roll", text="", icon="FILE_REFRESH")
         draw_settings(context, column, scatter, RunSettings)
+
+
+def _draw_editing(
+    context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter, result: bpy.types.Object
+) -> None:
+    """Say what to do with points that are edited, and what Live does meanwhile."""
+    said = "Select points; move (G) or remove (X) them. Instances, below, has more"
+    follows = can_leave_edit_mode(context, result)
+    live_does = "Live has the others make room" if follows else "Live goes on when you are done"
+    write_text(context, column, f"{said}. {live_does}" if scatter.live else said, icon="INFO")
+    if told := live.status(context.scene, scatter):
+        write_text(context, column, told, icon="ERROR")
 
 
 def _what_is_automatic(scene: bpy.types.Scene, scatter: ESH_PG_scatter) -> str:
