@@ -8,7 +8,6 @@ done. Nothing of the file is held on to between two looks: everything is looked 
 from __future__ import annotations
 
 import copy
-import json
 import time
 import zlib
 from collections.abc import Iterator
@@ -191,7 +190,7 @@ class _Live:
         elif self._is_edited(scatter, result):
             with outside_edit_mode(result):
                 self._submit(context, scatter)
-            self._edited, self._edited_at = (_settings_of(scatter), checksum_of_edited(result)), time.monotonic()
+            self._edited, self._edited_at = (scatter.fingerprint(), checksum_of_edited(result)), time.monotonic()
 
     def _is_edited(self, scatter: Scatter, result: bpy.types.Object) -> bool:
         """Tell whether settings are others, or points elsewhere, than when a result in Edit Mode was looked at last."""
@@ -203,7 +202,7 @@ class _Live:
             self._edited_at = time.monotonic()
             if points != checksum_of_edited(result):
                 return True
-        return settings != _settings_of(scatter)
+        return settings != scatter.fingerprint()
 
     def _may_write(self, context: bpy.types.Context, scatter: Scatter) -> bool:
         """Tell whether the result can be written now: not while it is rendered, nor over what was just moved in Edit Mode."""
@@ -276,7 +275,7 @@ class _Live:
         # What is told of a while ago lacks the end of a stroke.
         with checksums.now() if self._parts and not goes_on else nullcontext():
             record = scatter.record()
-        made_with = json.dumps(record, separators=(",", ":"))
+        made_with = scatter.fingerprint(record)
         if made_with == self._told:
             self._say(self._refused)
             if not (goes_on or self._refused):
@@ -556,11 +555,6 @@ def _scatter_of(scene: bpy.types.Scene | None, uid: int) -> Scatter | None:
 def _may_be_left(context: bpy.types.Context, result: bpy.types.Object) -> bool:
     """Tell whether a result is in Edit Mode, which can be left for a moment."""
     return can_leave_edit_mode(context, result) and not strokes.edits_points()
-
-
-def _settings_of(scatter: Scatter) -> str:
-    """Return the settings of a scatter, as far as they can be told in Edit Mode of its result."""
-    return json.dumps(scatter.record(), separators=(",", ":"))
 
 
 def _needs_a_new_start(before: dict[str, Any], now: dict[str, Any]) -> bool:

@@ -10,8 +10,7 @@ import numpy as np
 from ...engine.surface.upper_side import NARROWEST, SMALLEST_COVER
 from . import checksums
 from .depsgraph import evaluated_depsgraph
-from .evaluated_mesh import in_world
-from .target import world_matrix
+from .target import read_triangles, world_matrix
 
 __all__ = ["have_no_top", "lacks_faces"]
 
@@ -79,8 +78,5 @@ def _has_top_at_once(mesh_in_world: tuple[bpy.types.Mesh, np.ndarray]) -> bool:
 
 def _corners(mesh: bpy.types.Mesh, matrix: np.ndarray) -> np.ndarray:
     """Corners of a mesh's triangles in the world, shape ``[n, 3, 3]``."""
-    position = np.empty((len(mesh.vertices), 3), np.float32)
-    mesh.attributes["position"].data.foreach_get("vector", position.ravel())
-    triangle = np.empty((len(mesh.loop_triangles), 3), np.int32)
-    mesh.loop_triangles.foreach_get("vertices", triangle.ravel())
-    return in_world(position, matrix)[triangle]
+    read = read_triangles(mesh, matrix, "")
+    return read.position[read.triangle]

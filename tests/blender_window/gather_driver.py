@@ -73,14 +73,19 @@ def from_selection():
     answer["from_selection"] = asked()
 
 
+def confirmed(name, picture):
+    """Open a dialog by its name, and take it as it is."""
+    yield from hand.move(on_screen((0.0, 0.0, 0.0)))
+    yield from hand.search(name)
+    yield 0.5
+    take_screenshot(picture)
+    yield from hand.keys("Return")
+    yield 1.0
+
+
 def from_collection():
     """The dialog asks for a collection, and names the selected one."""
-    yield from hand.move(on_screen((0.0, 0.0, 0.0)))
-    yield from hand.search("classes from col")
-    yield 0.5
-    take_screenshot("gather-1-collection.png")
-    yield from hand.keys("Return")
-    yield 0.5
+    yield from confirmed("classes from col", "gather-1-collection.png")
     answer["from_collection"] = asked()
     yield from update()
     answer["gathered"] = np.bincount(values("class_index")).tolist(), scatter().report["overlaps"], scatter().changes()
@@ -90,12 +95,7 @@ def from_collection():
 def from_image():
     """The dialog asks for an image, and names the only one; undone."""
     before = asked()
-    yield from hand.move(on_screen((0.0, 0.0, 0.0)))
-    yield from hand.search("classes from im")
-    yield 0.5
-    take_screenshot("gather-3-image.png")
-    yield from hand.keys("Return")
-    yield 1.0
+    yield from confirmed("classes from im", "gather-3-image.png")
     answer["inks"] = sorted(asked().keys() - before.keys())
     yield from hand.keys("ctrl+z")
     yield 0.5
@@ -127,12 +127,7 @@ def looked_at():
 
 def copied():
     """How beeches stand is given to all others: only what cannot be shown at once is out of date then."""
-    yield from hand.move(on_screen((0.0, 0.0, 0.0)))
-    yield from hand.search("copy settings to cl")
-    yield 0.5
-    take_screenshot("gather-5-copy.png")
-    yield from hand.keys("Return")
-    yield 0.5
+    yield from confirmed("copy settings to cl", "gather-5-copy.png")
     answer["copied"] = [one.look_at_object.name for one in scatter().classes if one.use_look_at and one.look_at_object]
     yield from hand.keys("ctrl+z")
     yield 0.5
