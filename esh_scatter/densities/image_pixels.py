@@ -49,7 +49,8 @@ class StoredImage:
     @cached_property
     def checksum(self) -> Hashable:
         """Numbers that differ where pixels do."""
-        return tuple((number, checksum(pixels)) for number, pixels in self.tiles.items())
+        # Turned over, they lie as they were read: nothing has to be copied, which takes ten times as long.
+        return tuple((number, checksum(pixels[::-1])) for number, pixels in self.tiles.items())
 
     def channel(self, channel: str, color_space: str) -> dict[int, np.ndarray]:
         """Return the tiles as one channel, shape ``[height, width]``, float32; see :class:`.ImageDensity` for the words."""

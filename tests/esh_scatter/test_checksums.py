@@ -137,6 +137,16 @@ def test_what_a_result_was_made_of_makes_it_out_of_date(scatter, change, said):
     assert sorted(active().changes()) == sorted(said)
 
 
+def test_two_pixels_of_a_row_that_change_places_are_seen(scatter):
+    mask = bpy.data.images["mask.png"]
+    pixels = np.array(mask.pixels, np.float32).reshape(8, 16, 4)
+    mask.pixels.foreach_set(pixels.ravel())
+    before = checksums.of_image(mask)
+    pixels[3, [5, 11]] = pixels[3, [11, 5]]
+    mask.pixels.foreach_set(pixels.ravel())
+    assert checksums.of_image(mask) != before
+
+
 def test_an_image_that_is_replaced_by_an_equal_one_changes_nothing(scatter):
     scatter.classes["Mask"].layers[0].image = image("other.png")
     assert not scatter.outdated
