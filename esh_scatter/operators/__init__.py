@@ -1,12 +1,38 @@
 """Buttons of the sidebar. They translate between Blender and the API, and turn its errors into sentences."""
 
-from . import assets, classes, classes_from, instances, layers, obstacles, overlaps, presets, run, scatters, sizes
+from . import (
+    assets,
+    classes,
+    classes_from,
+    instances,
+    layers,
+    obstacles,
+    overlaps,
+    presets,
+    run,
+    scatters,
+    sizes,
+    update_all,
+)
 
 __all__ = ["CLASSES"]
 
 # In the order of the viewport's Object menu.
 CLASSES = tuple(
     cls
-    for module in (run, overlaps, scatters, presets, assets, classes_from, classes, sizes, layers, obstacles, instances)
+    for module in (
+        run,
+        update_all,
+        overlaps,
+        scatters,
+        presets,
+        assets,
+        classes_from,
+        classes,
+        sizes,
+        layers,
+        obstacles,
+        instances,
+    )
     for cls in module.CLASSES
 )

@@ -10,7 +10,7 @@ import sys
 from typing import TYPE_CHECKING
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty, IntProperty
+from bpy.props import FloatProperty, IntProperty
 
 from ...engine.errors import EshError
 from ...engine.problem.scatter_settings import ScatterSettings, TargetSettings
@@ -22,231 +22,23 @@ from ..properties.described import identifier_of, property_of, value_of
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import words
-from ..result.real_objects import discard_real, real_objects_of
-from ..result.scene_units import in_scene_units, sentence
-from ..solving import live, loading, running
-from ..targets import checksums
+from ..result.scene_units import sentence
+from ..solving import live, running
 from ..targets.target import members_of
 from .edit import BOUNDARY, REGULARITY, remove_at, settings_editable, stood_on, warn_of_unplaced
+from .run_operator import MODES, RunOperator, in_background
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ..api import ScatterResult
-    from ..classes.survey import Survey
     from ..editing.selection import Measured, SelectionSurvey
-    from ..solving.running import Session
 
 __all__ = ["CLASSES", "ScatterObjects"]
 
 _SETTINGS = settings_of(ScatterSettings)
-# Modes in which what is painted or sculpted can be read, and results be written. What is edited, Edit Mode keeps to itself.
-_MODES = ("OBJECT", "SCULPT", "PAINT_TEXTURE", "PAINT_VERTEX", "PAINT_WEIGHT")
 
 
-def in_background() -> bool:
-    """Tell whether Blender has no window."""
-    return bpy.app.background
-
-
-def before_a_run(context: bpy.types.Context, settings: ESH_PG_scatter) -> tuple[str, str] | None:
-    """Return what to ask before a run, a title and what there is to know; or None."""
-    result = settings.result_in(context.scene)
-    if result is not None and real_objects_of(result) is not None:
-        return (
-            "Scatter Beside the Real Objects?",
-            "They stay as they are, without the scatter. To keep their changes in it, click Back to Instances first",
-        )
-    many = settings.too_many()
-    if lost := settings.lost_by_hand(context.scene):
-        # Whoever says yes is not asked again.
-        return "Scatter Without What Was Placed by Hand?", f"{lost}. {many}" if many else lost
-    return ("Place This Many Objects?", many) if many else None
-
-
-class _Run(bpy.types.Operator):
-    """Base of what solves: in the background where there is a window, otherwise to the end."""
-
-    bl_options = {"REGISTER", "UNDO"}
-
-    asked: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
-    # What was seen before the run, and is told after it.
-    _hints: tuple[str, ...] = ()
-    # What has held the number of objects, as the panel tells it from then on; empty where nothing has.
-    _held: str = ""
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Run to the end before returning: for scripts, ``blender -b`` and the panel of the last operation."""
-        from ..api import scatter
-
-        settings = self._settings(context)
-        if settings is None:
-            return {"CANCELLED"}
-        if self.options.is_repeat and not self.asked and (many := settings.too_many()):
-            # From the panel of the last operation nobody can be asked.
-            self.report({"ERROR"}, f"{many}. Lower the amount here, or set the count and click Scatter")
-            self._undo(context)
-            return {"CANCELLED"}
-        window_manager = context.window_manager
-        window_manager.progress_begin(0, settings.max_steps)
-        try:
-            settings.forget_refilled_places()
-            positional, named = settings.arguments(context.scene)
-            settings.forget_deleted_result()
-            result = scatter(*positional, **named, progress=lambda now: window_manager.progress_update(now.step))
-        except EshError as error:
-            self.report({"ERROR"}, sentence(error))
-            self._undo(context)
-            return {"CANCELLED"}
-        finally:
-            window_manager.progress_end()
-        return self._finish(settings, result)
-
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Solve in the background while the window stays alive; from the cap on, ask first."""
-        if in_background() or context.window is None:
-            return self.execute(context)
-        if not loading.is_done():
-            running.start(context, loading.Loading())
-        elif not self._begin(context):
-            return {"CANCELLED"}
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
-
-    def _begin(self, context: bpy.types.Context) -> bool:
-        """Begin with what has to be worked out first; tell whether that was possible, which otherwise has been reported."""
-        try:
-            first = self._first(context)
-        except EshError as error:
-            self.report({"ERROR"}, sentence(error))
-            return False
-        if first is None:
-            return self._start(context)
-        running.start(context, first)
-        return True
-
-    def _start(self, context: bpy.types.Context, survey: "Survey | None" = None) -> bool:
-        """Begin to solve; tell whether that was possible, which otherwise has been reported."""
-        from ..api import ScatterJob
-
-        settings = self._settings(context)
-        if settings is None:
-            return False
-        if not self.asked and (title_and_text := before_a_run(context, settings)):
-            self._undo(context)
-            self._ask(context, *title_and_text)
-            return False
-        try:
-            settings.forget_refilled_places()
-            positional, named = settings.arguments(context.scene)
-            job = ScatterJob(*positional, **named, prepare=False, survey=survey)
-        except EshError as error:
-            self.report({"ERROR"}, sentence(error))
-            self._undo(context)
-            return False
-        running.start(context, job)
-        return True
-
-    def _first(self, _context: bpy.types.Context) -> "SelectionSurvey | None":
-        """Return what has to be worked out before there is anything to scatter, or None."""
-        return None
-
-    def _ask(self, context: bpy.types.Context, title: str, text: str) -> None:
-        """Ask whether to run all the same; whoever says yes presses a button that does not ask."""
-
-        def draw(popup: bpy.types.UIPopupMenu, _context: bpy.types.Context) -> None:
-            popup.layout.label(text=text)
-            popup.layout.operator_context = "INVOKE_DEFAULT"
-            popup.layout.operator(self.bl_idname, text="Scatter", icon="PLAY").asked = True
-
-        context.window_manager.popup_menu(draw, title=title, icon="QUESTION")
-
-    def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
-        """Return the settings to run, or None where there is nothing to run, which has been reported."""
-        raise NotImplementedError
-
-    def _undo(self, context: bpy.types.Context) -> None:
-        """Take back what :meth:`_settings` has changed; nothing, unless it did."""
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Watch the run; Esc leaves what was there, and so does to undo what has just begun."""
-        if event.value == "PRESS" and (event.type == "ESC" or _means_undo(event)):
-            running.stop("Stopped. Nothing was changed")
-        session = running.session
-        if session is not None and event.type == "TIMER" and session.is_lost:
-            running.stop("Stopped, because the scatter was removed during the run. Nothing was placed")
-        if session is None or session.stop_reason:
-            return self._stopped(context, session)
-        if event.type == "TIMER":
-            session.show()
-            if not session.run.running:
-                return self._write(context) if hasattr(session.job, "write") else self._go_on(context)
-        return {"PASS_THROUGH"} if running.lets_through(context, event) else {"RUNNING_MODAL"}
-
-    def cancel(self, _context: bpy.types.Context) -> None:
-        """Blender takes the operator away: another file, a closed window."""
-        running.end()
-
-    def _stopped(self, context: bpy.types.Context, session: "Session | None") -> set[str]:
-        running.end()
-        # What was removed is not to be changed back.
-        if session is None or not session.is_lost:
-            self._undo(context)
-        self.report({"WARNING"}, session.stop_reason if session else "Stopped. Nothing was changed")
-        return {"CANCELLED"}
-
-    def _go_on(self, context: bpy.types.Context) -> set[str]:
-        """What had to be worked out first has been: begin to solve."""
-        session = running.session
-        assert session is not None
-        running.end()
-        if session.run.error is not None:
-            if not isinstance(session.run.error, EshError):
-                raise session.run.error
-            self.report({"ERROR"}, sentence(session.run.error))
-            return {"CANCELLED"}
-        if isinstance(session.job, loading.Loading):
-            return {"RUNNING_MODAL"} if self._begin(context) else {"CANCELLED"}
-        self._found = session.job
-        return {"RUNNING_MODAL"} if self._start(context, session.job.survey) else {"CANCELLED"}
-
-    def _write(self, context: bpy.types.Context) -> set[str]:
-        session = running.session
-        assert session is not None
-        running.end()
-        try:
-            if session.run.error is not None:
-                raise session.run.error
-            settings = session.scatter
-            assert settings is not None
-            settings.forget_deleted_result()
-            result = session.job.write()
-        except EshError as error:
-            self.report({"ERROR"}, sentence(error))
-            self._undo(context)
-            return {"CANCELLED"}
-        return self._finish(settings, result)
-
-    def _finish(self, settings: ESH_PG_scatter, result: "ScatterResult") -> set[str]:
-        settings.remember(result.object, {**result.report.to_dict(), words.HELD: self._held})
-        report = settings.report
-        assert report is not None
-        if (real := real_objects_of(result.object)) is not None:
-            # The new result stands for none of them.
-            discard_real(real, ())
-        left_out = settings.left_out()
-        look = [*self._hints[:1], *words.notes(report), *left_out]
-        with checksums.now():
-            later = words.in_the_way([other.name for other in settings.later_in_the_way()])
-        text = ". ".join([words.summary(report), *(said for said in (self._held, settings.muted(), later) if said)])
-        if look:
-            text += f". {look[0]}" + (f" (and {len(look) - 1} more in the panel)" if len(look) > 1 else "")
-        text = in_scene_units(bpy.context.scene, text)
-        self.report({"WARNING" if look or words.has_trouble(report) else "INFO"}, text)
-        return {"FINISHED"}
-
-
-class ESH_OT_scatter(_Run):
+class ESH_OT_scatter(RunOperator):
     """Place all classes and sizes. Counts are exact. Esc stops the run and leaves the scene as it is"""
 
     bl_idname = "esh.scatter"
@@ -271,7 +63,7 @@ class ESH_OT_scatter(_Run):
             return False
         scatter = active_scatter(context)
         obstacle = scatter.obstacle(context.scene) if scatter else "Add a scatter first"
-        if context.mode not in _MODES:
+        if context.mode not in MODES:
             obstacle = "Switch to Object Mode first"
         if obstacle:
             cls.poll_message_set(obstacle)
@@ -304,7 +96,7 @@ class ESH_OT_scatter(_Run):
 _TAKEN = ("surface", "class_separation", "boundary", "regularity", "seed")
 
 
-class ScatterObjects(_Run):
+class ScatterObjects(RunOperator):
     """Base of what makes a class of each of some objects, and scatters them on the active one, or what its result stands on."""
 
     cover: FloatProperty(
@@ -453,7 +245,7 @@ class ESH_OT_scatter_selection(ScatterObjects):
         return as_placed(heads, members_of(stood_on(context.view_layer.objects.active)))
 
 
-class ESH_OT_example(_Run):
+class ESH_OT_example(RunOperator):
     """Add hills with a mixed forest of simple shapes on them, to see how it works. Put your own objects in their places"""
 
     bl_idname = "esh.example"
@@ -537,11 +329,6 @@ def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:
     if collection is None or collection == context.scene.collection:
         return []
     return heads_in(collection.all_objects, ground)
-
-
-def _means_undo(event: bpy.types.Event) -> bool:
-    """Tell whether a key is that of Undo: with Cmd on a Mac, with Ctrl elsewhere."""
-    return event.type == "Z" and (event.ctrl or event.oskey) and not (event.shift or event.alt)
 
 
 def _frame_selected(context: bpy.types.Context) -> None:

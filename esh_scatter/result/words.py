@@ -31,6 +31,7 @@ __all__ = [
     "placed",
     "summary",
     "unevenness",
+    "updated",
 ]
 
 # Coverage errors up to which a placement looks even. Independent random points have 0.31, Poisson disks 0.07. Crowds beside obstacles
@@ -102,6 +103,16 @@ def in_the_way(names: Sequence[str]) -> str:
         return f"{quoted[0]} does not make room for this yet: update it, too"
     more = f"{', '.join(quoted[:2])} and {len(names) - 2} more" if len(names) > 2 else " and ".join(quoted)
     return f"{more} do not make room for this yet: update them, too"
+
+
+def updated(names: Sequence[str]) -> str:
+    """Say which scatters were updated together."""
+    quoted = [f'"{name}"' for name in names]
+    if not quoted:
+        return "No scatter was updated"
+    if len(quoted) > 3:
+        return f"{', '.join(quoted[:2])} and {len(quoted) - 2} more updated"
+    return f"{' and '.join(filter(None, (', '.join(quoted[:-1]), quoted[-1])))} updated"
 
 
 def has_trouble(report: dict[str, Any]) -> bool:

@@ -126,8 +126,10 @@ class ESH_MT_scatters(bpy.types.Menu):
         active = active_scatter(context)
         for number, scatter in enumerate(context.scene.esh_scatter.scatters):
             icon = "RADIOBUT_ON" if scatter == active else "RADIOBUT_OFF"
-            layout.operator("esh.scatter_choose", text=scatter.name, icon=icon).index = number
+            text = f"{scatter.name} (changed)" if scatter.outdated else scatter.name
+            layout.operator("esh.scatter_choose", text=text, icon=icon).index = number
         layout.separator()
+        layout.operator("esh.scatter_all", icon="FILE_REFRESH")
         layout.operator("esh.scatter_selection", icon="PLAY")
         layout.operator("esh.scatter_add", icon="ADD")
         layout.menu("ESH_MT_presets", icon="PRESET")

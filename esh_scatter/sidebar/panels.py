@@ -465,12 +465,11 @@ def _draw_deleted(context: bpy.types.Context, column: bpy.types.UILayout, scatte
 
 
 def _draw_later(context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
-    """Say which later scatters stand where this one has placed objects since, and offer to go to the first of them."""
+    """Say which later scatters stand where this one has placed objects since, and offer to have them make room."""
     later = scatter.later_in_the_way()
     if later:
         write_text(context, column, words.in_the_way([other.name for other in later]), icon="INFO")
-        number = list(context.scene.esh_scatter.scatters).index(later[0])
-        column.operator("esh.scatter_choose", text=f"Go to {later[0].name}", icon="FORWARD").index = number
+        column.operator("esh.scatter_all", icon="FILE_REFRESH")
 
 
 def _draw_real(context: bpy.types.Context, column: bpy.types.UILayout, said: str) -> None:

@@ -56,8 +56,8 @@ def _spent(name, start):
 
 def watch_operators():
     """Have the operator say how long the window waits for it."""
-    run = next(module for name, module in sys.modules.items() if name.endswith("esh_scatter.operators.run"))
-    invoke, modal, write, finish = (getattr(run._Run, name) for name in ("invoke", "modal", "_write", "_finish"))
+    run = next(module for name, module in sys.modules.items() if name.endswith("esh_scatter.operators.run_operator"))
+    invoke, modal, write, finish = (getattr(run.RunOperator, name) for name in ("invoke", "modal", "_write", "_finish"))
 
     # Blender asks functions how many arguments they take.
     def timed_invoke(self, context, event):
@@ -85,8 +85,8 @@ def watch_operators():
         _spent("finish", start)
         return found
 
-    run._Run.invoke, run._Run.modal = timed_invoke, timed_modal
-    run._Run._write, run._Run._finish = timed_write, timed_finish
+    run.RunOperator.invoke, run.RunOperator.modal = timed_invoke, timed_modal
+    run.RunOperator._write, run.RunOperator._finish = timed_write, timed_finish
 
 
 def fill_in(name):

@@ -308,7 +308,7 @@ class Window:
             _hints=(),
             _held="",
         )
-        for name in ("_stopped", "_write", "_finish"):
+        for name in ("_stopped", "_write", "_failed", "_finish"):
             setattr(operator, name, getattr(ESH_OT_scatter, name).__get__(operator))
         if isinstance(job, Job):
             operator._finish = lambda _settings, _result: {"FINISHED"}

@@ -640,7 +640,7 @@ def test_of_a_later_scatter_that_stands_where_this_one_does_now_it_is_said(monke
     assert not [text for text in draw_all(2000) if "make room" in text]
     monkeypatch.setattr(type(later), "later_in_the_way", lambda self: [bpy.context.scene.esh_scatter.scatters[1]])
     drawn = draw_all(2000)
-    assert drawn[drawn.index('"Grass" does not make room for this yet: update it, too') + 1] == "esh.scatter_choose"
+    assert drawn[drawn.index('"Grass" does not make room for this yet: update it, too') + 1] == "esh.scatter_all"
 
 
 def test_of_points_that_were_deleted_it_is_said_that_they_come_back():

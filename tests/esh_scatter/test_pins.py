@@ -8,7 +8,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh import ScatterClass, ScatterSize, scatter  # noqa: E402
-from esh.esh_scatter.operators.run import before_a_run  # noqa: E402
+from esh.esh_scatter.operators.run_operator import before_a_run  # noqa: E402
 from esh.esh_scatter.result import pins, points_in_front  # noqa: E402
 from esh.esh_scatter.result.kept_ground import read_attribute, write_attribute  # noqa: E402
 from esh.esh_scatter.solving import live  # noqa: E402

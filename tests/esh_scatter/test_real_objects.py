@@ -8,7 +8,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 import esh  # noqa: E402
 from esh.esh_scatter import registration  # noqa: E402
-from esh.esh_scatter.operators.run import before_a_run  # noqa: E402
+from esh.esh_scatter.operators.run_operator import before_a_run  # noqa: E402
 from esh.esh_scatter.result import real_objects  # noqa: E402
 from esh.esh_scatter.result.display import get_inputs, our_modifier, set_inputs  # noqa: E402
 from esh.esh_scatter.result.kept_ground import read_attribute  # noqa: E402

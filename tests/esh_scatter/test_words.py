@@ -146,3 +146,17 @@ def test_of_later_scatters_in_the_way_as_many_are_named_as_fit():
     assert words.in_the_way(["Grass", "Fern"]) == '"Grass" and "Fern" do not make room for this yet: update them, too'
     many = '"A", "B" and 2 more do not make room for this yet: update them, too'
     assert words.in_the_way(["A", "B", "C", "D"]) == many
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        ([], "No scatter was updated"),
+        (["Wood"], '"Wood" updated'),
+        (["Wood", "Fern"], '"Wood" and "Fern" updated'),
+        (["Wood", "Fern", "Moss"], '"Wood", "Fern" and "Moss" updated'),
+        (["A", "B", "C", "D"], '"A", "B" and 2 more updated'),
+    ],
+)
+def test_of_scatters_that_were_updated_together_as_many_are_named_as_fit(names, said):
+    assert words.updated(names) == said
