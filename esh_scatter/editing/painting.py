@@ -11,6 +11,7 @@ from bpy.app.handlers import persistent
 
 from ...engine.errors import ProblemError
 from ..targets.evaluated_mesh import vertices_in_world
+from ..targets.modes import to_object_mode
 from ..targets.target import check_target
 
 __all__ = ["PAINTED_IN", "attach", "begin_to_paint", "can_be_painted", "detach", "unsaved_images", "why_not_painted"]
@@ -57,8 +58,7 @@ def begin_to_paint(
     check_target(target, context)
     if why := why_not_painted(target):
         raise ProblemError(why)
-    if context.mode != "OBJECT":
-        bpy.ops.object.mode_set(mode="OBJECT")
+    to_object_mode(context)
     for item in context.selected_objects:
         item.select_set(False)
     target.select_set(True)

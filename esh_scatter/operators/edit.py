@@ -10,9 +10,12 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty
 
+from ...engine.errors import EshError
 from ..properties.scene import active_scatter, selected_scatter
 from ..result.points_in_front import show_points
+from ..result.scene_units import sentence
 from ..solving import running
+from ..targets.modes import to_object_mode
 from ..targets.target import RESULT_TARGET, is_result
 
 __all__ = [
@@ -165,8 +168,11 @@ def select_points(operator: bpy.types.Operator, context: bpy.types.Context, chos
     """
     result = selected_scatter(context).result_in(context.scene)
     assert result is not None
-    if context.mode != "OBJECT":
-        bpy.ops.object.mode_set(mode="OBJECT")
+    try:
+        to_object_mode(context)
+    except EshError as error:
+        operator.report({"ERROR"}, sentence(error))
+        return {"CANCELLED"}
     if result.name not in context.view_layer.objects or not result.visible_get():
         operator.report({"ERROR"}, f'"{result.name}" is hidden. Show it first')
         return {"CANCELLED"}

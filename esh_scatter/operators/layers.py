@@ -128,7 +128,8 @@ class ESH_OT_layer_paint(ClassEdit):
         from ..editing.painting import begin_to_paint, can_be_painted
 
         scatter, body_class = selected_scatter(context), selected_class(context)
-        layer, target = body_class.active_layer, scatter.first_target
+        layer, target, selected = body_class.active_layer, scatter.first_target, body_class.layer_index
+        layers_before = len(body_class.layers)
         if self.kind != "SELECTED":
             layer = body_class.add_layer(self.kind)
         elif not any(can_be_painted(one, target) for one in body_class.layers):
@@ -141,6 +142,9 @@ class ESH_OT_layer_paint(ClassEdit):
             begin_to_paint(context, target, layer, body_class.name, self.resolution)
         except EshError as error:
             self.report({"ERROR"}, sentence(error))
+            if len(body_class.layers) > layers_before:
+                body_class.layers.remove(layers_before)
+                body_class.layer_index = selected
             return {"CANCELLED"}
         return {"FINISHED"}
 

@@ -71,7 +71,7 @@ def place_others(size: PropertyGroup, _context: object) -> None:
 
     body_class = _part_of(size, ".sizes[")
     found, scatter = _points_of_class(body_class), scatter_of(body_class)
-    if found is None or body_class not in scatter.ready_classes():
+    if found is None or not scatter.targets or body_class not in scatter.ready_classes():
         return
     result, number = found
     where = number, _number_of(size)

@@ -19,9 +19,12 @@ MOST_POINTS = 30_000
 
 
 def can_leave_edit_mode(context: bpy.types.Context, result: bpy.types.Object) -> bool:
-    """Tell whether a result is what is edited, and nothing else, and has so few points that it takes no time to leave that."""
+    """Tell whether a result is what is edited, and nothing else, and has so few points that it takes no time to leave that.
+
+    What is hidden could not be edited again.
+    """
     active = context.view_layer.objects.active
-    alone = result.mode == "EDIT" and active == result and len(context.objects_in_mode) == 1
+    alone = result.mode == "EDIT" and active == result and len(context.objects_in_mode) == 1 and result.visible_get()
     return alone and len(result.data.vertices) <= MOST_POINTS
 
 
@@ -35,7 +38,10 @@ def checksum_of_edited(result: bpy.types.Object) -> tuple[int, int]:
 
 @contextmanager
 def outside_edit_mode(result: bpy.types.Object | None) -> Iterator[None]:
-    """Leave Edit Mode for a ``with`` block, if a result is in it; points are selected and hidden as before, by their numbers."""
+    """Leave Edit Mode for a ``with`` block, if a result is in it; points are selected and hidden as before, by their numbers.
+
+    A result that is hidden by then stays outside.
+    """
     if result is None or result.mode != "EDIT":
         yield
         return
@@ -52,7 +58,9 @@ def outside_edit_mode(result: bpy.types.Object | None) -> Iterator[None]:
         shown.give(result.data)
         for item in others:
             item.select_set(False)
-        bpy.ops.object.mode_set(mode="EDIT")
+        # What is hidden cannot be edited.
+        if bpy.ops.object.mode_set.poll():
+            bpy.ops.object.mode_set(mode="EDIT")
         for item in others:
             item.select_set(True)
 

@@ -36,6 +36,22 @@ def test_a_vertex_group_is_made_and_weights_are_painted(scatter):
     assert len(scatter.active_class.layers) == len(scatter.target.vertex_groups) == 1
 
 
+def test_while_something_hidden_is_in_a_mode_of_its_own_it_is_said_and_nothing_is_changed(scatter):
+    """Blender keeps what is hidden in its mode: there was a traceback, and a layer for nothing."""
+    bpy.ops.mesh.primitive_cube_add()
+    sculpted = bpy.context.object
+    bpy.ops.object.mode_set(mode="SCULPT")
+    sculpted.hide_viewport = True
+    bpy.context.view_layer.update()
+    with pytest.raises(RuntimeError, match='"Cube" is hidden, but not in Object Mode: show it first') as raised:
+        bpy.ops.esh.layer_paint(kind="VERTEX_GROUP")
+    assert "Traceback" not in str(raised.value)
+    assert not len(scatter.active_class.layers) and not len(scatter.target.vertex_groups)
+    sculpted.hide_viewport = False
+    bpy.context.view_layer.update()
+    assert bpy.ops.esh.layer_paint(kind="VERTEX_GROUP") == {"FINISHED"} and sculpted.mode == "OBJECT"
+
+
 def test_a_color_attribute_is_made_black_and_its_colors_are_painted(scatter):
     assert bpy.ops.esh.layer_paint(kind="ATTRIBUTE") == {"FINISHED"}
     layer, colors = scatter.active_class.active_layer, scatter.target.data.color_attributes

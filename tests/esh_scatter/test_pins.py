@@ -278,6 +278,35 @@ def test_points_are_picked_in_edit_mode(made):
     assert not pins.staying(result.data).any()
 
 
+def test_live_waits_while_what_is_edited_is_hidden(made, follow):
+    """Blender edits nothing that is hidden: Edit Mode could not be come back to, and there was a traceback."""
+    result = made.result
+    made.live = True
+    follow()
+    assert bpy.ops.esh.instances_edit() == {"FINISHED"}
+    result.hide_viewport = True
+    bpy.context.view_layer.update()
+    made.classes[0].sizes[0].count = 70
+    for _ in range(3):
+        live._followed[bpy.context.scene.session_uid, made.uid]._looked = 0.0
+        live._tick()
+    assert result.mode == "EDIT" and not live.is_busy(bpy.context.scene, made)
+    assert bpy.ops.esh.instances_edit() == {"FINISHED"} and result.mode == "OBJECT"
+    result.hide_viewport = False
+    follow(lambda: len(result.data.vertices) == 120)
+    assert len(result.data.vertices) == 120
+
+
+def test_what_is_done_to_hidden_points_that_are_edited_leaves_edit_mode(made):
+    result = made.result
+    assert bpy.ops.esh.instances_edit() == {"FINISHED"}
+    bpy.ops.mesh.select_all(action="SELECT")
+    result.hide_viewport = True
+    bpy.context.view_layer.update()
+    assert bpy.ops.esh.instances_pin() == {"FINISHED"}
+    assert result.mode == "OBJECT" and pins.staying(result.data).all()
+
+
 def test_pins_follow_a_class_that_is_renamed_moved_or_muted(made):
     mesh = made.result.data
     number = move(mesh, 80, (1.0, 1.0))

@@ -269,3 +269,11 @@ def test_live_leaves_real_objects_alone(scatter, follow):
     assert "real objects" in live.status(bpy.context.scene, scatter)
     scatter.live = False
     follow()
+
+
+def test_what_is_edited_is_made_real_and_no_longer_edited(scatter):
+    """The result is hidden then, and what is hidden cannot be edited: there was a traceback."""
+    assert bpy.ops.esh.scatter() == {"FINISHED"} and bpy.ops.esh.instances_edit() == {"FINISHED"}
+    assert scatter.result.mode == "EDIT" and bpy.ops.esh.instances_make_real() == {"FINISHED"}
+    assert scatter.result.mode == "OBJECT" and not scatter.result.visible_get()
+    assert real_objects.real_objects_of(scatter.result) is not None

@@ -302,3 +302,19 @@ def test_a_hundred_thousand_get_other_variants_in_a_moment(scattered):
     scattered.classes[0].sizes[0].variants[1].weight = 2.0
     assert time.process_time() - started < 0.1
     assert (shown(scattered) == "Red").mean() == pytest.approx(0.5, abs=0.01) and not scattered.outdated
+
+
+def test_variants_of_a_scatter_that_has_lost_its_target_are_listed_all_the_same():
+    """The result was to tell of them at once, and there is nothing that it would be a result of: there was a traceback."""
+    ground, trees = quad("Ground", 20.0), collection_of("Trees")
+    for name in ("Ash", "Oak"):
+        quad(name, 0.3, (50.0, 0.0, 0.0), trees)
+    made = bpy.context.scene.esh_scatter.add_scatter(ground)
+    size = made.add_class().sizes[0]
+    size.source_kind, size.source_collection, size.count = "COLLECTION", trees, 20
+    made.device, made.max_steps = "CPU", 3
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    made.target_kind = "COLLECTION"
+    assert not made.targets and made.result is not None
+    quad("Yew", 0.3, (50.0, 0.0, 0.0), trees)
+    assert bpy.ops.esh.variants_list() == {"FINISHED"} and len(size.variants) == 3
