@@ -40,7 +40,7 @@ FOUND := $(shell for p in $(CANDIDATES); do \
 CHOSEN := $(word 1,$(FOUND))
 VERSION := $(or $(word 2,$(FOUND)),none)
 
-.PHONY: help demo pizza meadow beach crowd portrait doughnut rocks boat dataset planet figures bench test fuzz extension repository wheel docs lint format clean
+.PHONY: help demo pizza meadow beach crowd portrait doughnut rocks boat dataset planet figures bench test fuzz walk extension repository wheel docs lint format clean
 
 help: ## Say what can be made
 	@echo "make demo       build, scatter and render the forest into $(OUTPUT)/"
@@ -53,6 +53,7 @@ help: ## Say what can be made
 	@echo "make figures    recompute the experiments of the paper: pictures and a table in $(OUTPUT)/figures/"
 	@echo "make bench      time everything, beside other libraries: $(OUTPUT)/bench.md"
 	@echo "make test       run the tests, in Blender $(if $(filter 3.11,$(VERSION)),5.0 and 4.5,as a Python module)"
+	@echo "make walk       use the sidebar in any order for ten minutes (FUZZ_SEED=…)"
 	@echo "make fuzz       solve recipes of all kinds for ten minutes, and look at what comes of them (FUZZ_SEED=…)"
 	@echo "make extension  build the installable zip into dist/ (PLATFORM=linux-x64, windows-x64 or macos-arm64)"
 	@echo "make repository build the zips of all platforms (or of PLATFORM) and their list for Blender into dist/repository/"
@@ -102,6 +103,9 @@ endif
 
 fuzz: $(VENV)/.with-test
 	$(RUN) tools/fuzz.py --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED)
+
+walk: $(VENV)/.with-blender
+	$(RUN) tests/esh_scatter/sidebar_walk.py --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED)
 
 extension: $(VENV)/.with-blender
 	@$(RUN) tools/build_extension.py $(if $(PLATFORM),--platform $(PLATFORM)) $(GPUS_OPTION) $(TIERS_OPTION)

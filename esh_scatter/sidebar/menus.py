@@ -124,12 +124,15 @@ class ESH_MT_scatters(bpy.types.Menu):
         layout = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
         active = active_scatter(context)
-        for number, scatter in enumerate(context.scene.esh_scatter.scatters):
+        scatters = context.scene.esh_scatter.scatters
+        for number, scatter in enumerate(scatters):
             icon = "RADIOBUT_ON" if scatter == active else "RADIOBUT_OFF"
-            text = f"{scatter.name} (changed)" if scatter.outdated else scatter.name
+            # Of a single one the panel tells.
+            text = f"{scatter.name} (changed)" if len(scatters) > 1 and scatter.outdated else scatter.name
             layout.operator("esh.scatter_choose", text=text, icon=icon).index = number
         layout.separator()
-        layout.operator("esh.scatter_all", icon="FILE_REFRESH")
+        if len(scatters) > 1:
+            layout.operator("esh.scatter_all", icon="FILE_REFRESH")
         layout.operator("esh.scatter_selection", icon="PLAY")
         layout.operator("esh.scatter_add", icon="ADD")
         layout.menu("ESH_MT_presets", icon="PRESET")
