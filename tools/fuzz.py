@@ -30,7 +30,7 @@ def any_recipe(choose: Choices, folder: Path) -> str:
     return as_toml(maker(choose, folder).recipe())
 
 
-def work(seed: int, first: int, until: float, told: Path) -> int:
+def work(seed: int, first: int, until: float, told: Path, device: str) -> int:
     """Solve recipe after recipe until it is time; write what is under way to a file."""
     import faulthandler
 
@@ -42,7 +42,7 @@ def work(seed: int, first: int, until: float, told: Path) -> int:
             folder = Path(name)
             text = any_recipe(Seeded(f"{seed}-{k}"), folder)
             told.write_text(f"{k} {count['refused']} {count['placed']}\n{text}", encoding="utf-8")
-            count[check(text, folder)] += 1
+            count[check(text, folder, device)] += 1
         k += 1
     told.write_text(f"{k} {count['refused']} {count['placed']}\n", encoding="utf-8")
     return 0
@@ -54,17 +54,18 @@ def main(arguments: Sequence[str] | None = None, say: Callable[[str], None] = pr
     parser.add_argument("--seconds", type=float, default=600.0, help="how long (default: 600)")
     parser.add_argument("--seed", type=int, default=0, help="which recipes (default: 0)")
     parser.add_argument("--first", type=int, default=0, help="number of the first recipe (default: 0)")
+    parser.add_argument("--device", default="cpu", help="where to solve them, such as cuda:0 (default: cpu)")
     parser.add_argument("--only", type=int, help="solve the recipe of this number alone, in this process")
     parser.add_argument("--told", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--until", type=float, help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
     if options.told is not None:
-        return work(options.seed, options.first, options.until, options.told)
+        return work(options.seed, options.first, options.until, options.told, options.device)
     if options.only is not None:
         with tempfile.TemporaryDirectory(prefix="esh-fuzz-") as name:
             text = any_recipe(Seeded(f"{options.seed}-{options.only}"), Path(name))
             say(text)
-            say(check(text, Path(name)))
+            say(check(text, Path(name), options.device))
         return 0
     return _watch(options, say)
 
@@ -75,7 +76,16 @@ def _watch(options: argparse.Namespace, say: Callable[[str], None]) -> int:
     with tempfile.TemporaryDirectory(prefix="esh-fuzz-told-") as name:
         told = Path(name) / "told"
         while time.time() < until:
-            command = [sys.executable, __file__, "--seed", str(options.seed), "--first", str(first)]
+            command = [
+                sys.executable,
+                __file__,
+                "--seed",
+                str(options.seed),
+                "--first",
+                str(first),
+                "--device",
+                options.device,
+            ]
             told.write_text(f"{first} 0 0\n", encoding="utf-8")
             status, hung, end = _run_worker([*command, "--told", str(told), "--until", str(until)], told)
             head, _, text = told.read_text(encoding="utf-8").partition("\n")
@@ -87,7 +97,7 @@ def _watch(options: argparse.Namespace, say: Callable[[str], None]) -> int:
             what = f"took more than {LONGEST_CASE:.0f} s" if hung else f"ended with status {status}"
             say(
                 f"recipe {k} of seed {options.seed} {what}:\n{end}\n{text}\nonce more: {command[0]} tools/fuzz.py "
-                f"--seed {options.seed} --only {k}\n"
+                f"--seed {options.seed} --only {k} --device {options.device}\n"
             )
             first = k + 1
     say(f"{refused + placed + broken} recipes: {placed} placed, {refused} refused in a sentence, {broken} broken")

@@ -15,15 +15,15 @@ MOST_STEPS = 12
 FEW_BODIES = 600
 
 
-def check(text: str, folder: Path) -> str:
-    """Solve a recipe; return "refused" or "placed", raise AssertionError where what came of it is neither."""
+def check(text: str, folder: Path, device: str = "cpu") -> str:
+    """Solve a recipe on a device; return "refused" or "placed", raise AssertionError where what came of it is neither."""
     import esh
 
     path = folder / "recipe.toml"
     path.write_text(text, encoding="utf-8")
     before = _contents(folder)
     try:
-        placement = esh.solve(esh.read_recipe(path), device="cpu", max_steps=MOST_STEPS)
+        placement = esh.solve(esh.read_recipe(path), device=device, max_steps=MOST_STEPS)
     except esh.EshError as error:
         sentence = str(error)
         assert sentence and "\n" not in sentence and len(sentence) < 1000, f"not a sentence: {sentence!r}"

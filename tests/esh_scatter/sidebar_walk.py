@@ -337,12 +337,13 @@ def _take_away(choose: random.Random) -> None:
 
 
 def _add_scene(choose: random.Random) -> None:
-    if len(bpy.data.scenes) < 4:
+    if len(bpy.data.scenes) < 4 and bpy.context.mode == "OBJECT":
         bpy.ops.scene.new(type=choose.choice(("NEW", "EMPTY", "LINK_COPY", "FULL_COPY")))
 
 
 def _change_scene_shown(choose: random.Random) -> None:
-    if bpy.context.window is not None:
+    # Blender crashes where what is edited is in no scene that is shown, and that is undone.
+    if bpy.context.window is not None and bpy.context.mode == "OBJECT":
         bpy.context.window.scene = choose.choice([*bpy.data.scenes])
 
 
