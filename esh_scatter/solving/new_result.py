@@ -16,7 +16,7 @@ from ..targets.references import Reference
 
 __all__ = ["Kept", "NewResult"]
 
-# A scatter of the sidebar, see :mod:`.live`.
+# A scatter of the sidebar. Its switch calls :mod:`.live`, so nothing that Live is made of imports its class.
 Scatter: TypeAlias = bpy.types.PropertyGroup
 
 

@@ -14,7 +14,7 @@ from esh.esh_scatter.result.display import followed_targets, our_modifier  # noq
 from esh.esh_scatter.result.kept_ground import read_attribute  # noqa: E402
 from esh.esh_scatter.result.node_group import MADE_OF, placed_objects  # noqa: E402
 from esh.esh_scatter.result.result import is_copy  # noqa: E402
-from esh.esh_scatter.solving import live, strokes  # noqa: E402
+from esh.esh_scatter.solving import followed_scatter, live, strokes  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -224,7 +224,7 @@ def test_what_is_moved_while_the_others_make_room_is_not_put_back(scatter, follo
     edit_points([one])
     follow()
     bpy.ops.transform.translate(value=(0.6, 0.0, 0.0))
-    monkeypatch.setattr(live._Live, "_may_write", lambda *_: False)
+    monkeypatch.setattr(followed_scatter.FollowedScatter, "_may_write", lambda *_: False)
     follow_until_answered(follow)
     bpy.ops.transform.translate(value=(0.6, 0.0, 0.0))
     monkeypatch.undo()
@@ -294,7 +294,7 @@ def test_a_stroke_is_followed_on_after_a_slow_moment_of_the_machine(scatter, mon
     read = ScatterJob._read
 
     def slowly(job, context):
-        time.sleep(3.0 * live.FOLLOWS_STROKES)
+        time.sleep(3.0 * followed_scatter.FOLLOWS_STROKES)
         return read(job, context)
 
     monkeypatch.setattr(ScatterJob, "_read", slowly)
@@ -616,7 +616,7 @@ def test_colors_and_weights_are_followed_while_they_are_painted(scatter, under_w
 def test_weights_of_many_vertices_are_followed_while_they_are_painted(scatter, monkeypatch, under_way, follow):
     """To the last of them; of more than 40,000 it was waited until the brush was lifted."""
     # They are read in 0.07 s, on a machine of its own.
-    monkeypatch.setattr(live, "FOLLOWS_STROKES", 1.0)
+    monkeypatch.setattr(followed_scatter, "FOLLOWS_STROKES", 1.0)
     bpy.ops.mesh.primitive_grid_add(size=40, x_subdivisions=316, y_subdivisions=316)
     ground = bpy.context.object
     ground.vertex_groups.new(name="here").add(range(len(ground.data.vertices)), 0.5, "REPLACE")
@@ -1220,7 +1220,7 @@ def test_a_setting_changed_in_the_sidebar_is_looked_at_with_the_next_tick(scatte
     (followed,) = live._followed.values()
     looked = []
     monkeypatch.setattr(followed, "_submit", lambda *_: looked.append(time.monotonic()))
-    monkeypatch.setattr(live, "AT_REST", 1e6)
+    monkeypatch.setattr(followed_scatter, "AT_REST", 1e6)
     # What the result has changed is told before.
     bpy.context.view_layer.update()
     monkeypatch.setattr(live, "_last_sign", 0.0)
@@ -1241,7 +1241,7 @@ def test_looking_is_no_sign_of_a_change(scatter, follow):
     bpy.context.view_layer.update()
     sign = live._last_sign
     for _ in range(5):
-        time.sleep(live.AT_REST)
+        time.sleep(followed_scatter.AT_REST)
         live._tick()
         bpy.context.view_layer.update()
     assert live._last_sign == sign
