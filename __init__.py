@@ -48,7 +48,8 @@ if TYPE_CHECKING:
     from .engine.scenes.solve_many import solve_many
     from .engine.solve import solve
     from .engine.solver.body_flags import BodyFlags
-    from .engine.solver.solver import Bookmark, Edit, Progress, Solver
+    from .engine.solver.progress import Progress
+    from .engine.solver.solver import Bookmark, Edit, Solver
     from .engine.solver.state import State
     from .engine.solver.surface_state import SurfaceState
     from .engine.surface.instances import Instances
@@ -223,7 +224,7 @@ _MODULES = {
     "Problem": ".engine.problem.problem",
     "ProblemError": ".engine.errors",
     "Profile": ".engine.device.profile",
-    "Progress": ".engine.solver.solver",
+    "Progress": ".engine.solver.progress",
     "Prototype": ".engine.files.bodies",
     "Report": ".engine.problem.report",
     "ScatterClass": ".esh_scatter.api",

@@ -18,7 +18,8 @@ from .problem.placement import Placement
 from .problem.problem import Problem
 from .problem.validation import check_count, check_is, check_progress, show
 from .quality.measurement import measure
-from .solver.solver import Progress, Solver, is_stop
+from .solver.progress import Progress, is_stop
+from .solver.solver import Solver
 
 __all__ = ["moved", "solve", "solve_on"]
 

@@ -17,7 +17,7 @@ from ..engine.problem.line import Line
 from ..engine.problem.scatter_settings import ScatterSettings, Standing
 from ..engine.problem.settings import takes
 from ..engine.problem.validation import check_progress
-from ..engine.solver.solver import Progress
+from ..engine.solver.progress import Progress
 from .classes.amount import Amount
 from .classes.directions import AttributeDirection, CurveDirection
 from .classes.scatter_class import ScatterClass, ScatterSize

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from ..files.recipe import ParsedRecipe
     from ..problem.placement import Placement
     from ..problem.problem import Problem
-    from ..solver.solver import Progress
+    from ..solver.progress import Progress
 
 __all__ = ["add_solve", "solve"]
 

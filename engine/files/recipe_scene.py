@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..problem.fixed_bodies import FixedBodies, FixedTable, Origin
+from ..problem.fixed_bodies import FixedBodies, Origin
+from ..problem.fixed_table import FixedTable
 from ..problem.obstacles import Obstacle
 from ..problem.problem import Problem
 from ..problem.settings import settings_of, settle

@@ -11,9 +11,9 @@ import numpy as np
 from .agreement import agreement_of
 from .body_footprints import CAPSULE, BodyFootprints, footprints_of
 from .body_kind import disc_radius
+from .clearance import clearance, distance_to
 from .domain import Domain
 from .note import Note, NoteKind
-from .obstacles import clearance, distance_to
 from .packing import elongation_of, in_cells, packable, share_inside
 from .problem import Problem
 from .surface import Surface

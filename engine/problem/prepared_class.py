@@ -15,10 +15,11 @@ import numpy as np
 from ..errors import ProblemError, Reason, Refusal
 from .apportionment import apportion
 from .body_class import BodyClass, PlacingSettings
+from .clearance import PIXELS_PER_SPACING, clearance, mask_shape
 from .density_correction import correct_density
 from .domain import Domain
 from .image_filters import unsharp_mask
-from .obstacles import PIXELS_PER_SPACING, Obstacle, clearance, mask_shape
+from .obstacles import Obstacle
 from .outlines_on_surface import OutlinesOnSurface
 from .packing import packable_share, scale_to_fit, share_inside
 from .settings import values_of

@@ -24,7 +24,8 @@ from .body_class import BodyClass
 from .clumps import with_clumps
 from .domain import Domain
 from .feasibility import check_feasible, check_known_in_rectangles, check_known_on_surfaces
-from .fixed_bodies import FixedBodies, FixedBody, FixedTable, fixed_table
+from .fixed_bodies import FixedBodies, FixedBody
+from .fixed_table import FixedTable, fixed_table
 from .obstacles import Obstacle
 from .of_bodies import of_bodies
 from .outlines_of_obstacles import outlines_of_obstacles

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import enum
 
-__all__ = ["BodyFlags"]
+import numpy as np
+
+from ..errors import ProblemError
+from ..problem.validation import FOREIGN_ERRORS, show
+
+__all__ = ["BodyFlags", "checked_flags"]
 
 
 class BodyFlags(enum.IntFlag):
@@ -14,3 +19,17 @@ class BodyFlags(enum.IntFlag):
     PINNED = 1
     # It acts on others, and is no part of the result.
     GHOST = 2
+
+
+def checked_flags(flags: object, body_count: int) -> np.ndarray:
+    """Return flags of bodies, shape ``[body_count]``, int32; raise ProblemError for anything else."""
+    try:
+        given = np.asarray(flags)
+        usable = (
+            given.shape == (body_count,) and given.dtype.kind in "biu" and bool((given == given.astype(np.int32)).all())
+        )
+    except FOREIGN_ERRORS:
+        usable = False
+    if not usable:
+        raise ProblemError(f"`flags` must be whole numbers, one for each of {body_count} bodies; got {show(flags)}")
+    return given.astype(np.int32)

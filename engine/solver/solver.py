@@ -11,7 +11,6 @@ from types import TracebackType
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
-import warp as wp
 
 from ..device.devices import resolve_device
 from ..device.launcher import Launcher
@@ -23,10 +22,11 @@ from ..problem.domain import Domain
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.surface import Surface
-from ..problem.validation import FOREIGN_ERRORS, check_count, check_is, check_progress, show
+from ..problem.validation import check_count, check_is, check_progress, show
 from ..space.density import move_into_support
 from ..space.part import Part
-from .body_flags import BodyFlags
+from .body_flags import BodyFlags, checked_flags
+from .carried_descent import carried_poses, carry_turns, go_on_from
 from .carried_lines import carry_lines
 from .carried_over import CarriedInPlane, CarriedOver
 from .choice_of_start import choose_start, number_of_starts
@@ -44,6 +44,7 @@ from .model import Model
 from .natural_border import SMOOTH_OVER_SPACING, SMOOTH_STEPS, STEPS_WITHIN, Kept, NaturalBorder
 from .places_in_support import in_support
 from .plane_settling import settle_in_plane
+from .progress import Progress, is_stop
 from .rare_start import rare_starts
 from .spread import Spreading
 from .state import State
@@ -57,7 +58,7 @@ from .surface_rare_start import rare_start_on_surface
 from .surface_settling import settle_on_surface
 from .surface_state import SurfaceState
 
-__all__ = ["Bookmark", "Edit", "Progress", "Solver", "is_stop"]
+__all__ = ["Bookmark", "Edit", "Solver"]
 
 # RMS move over local spacing at which a run has converged: later steps change no figure of the report.
 TOLERANCE = 2e-4
@@ -92,34 +93,6 @@ STEPS_UNWATCHED = 50
 # at most: in crowds one body or the other is always moved far, and trading places is what makes room.
 LOOKS_AWAY = 0.035
 MOST_FACINGS = 4
-
-
-@dataclass(frozen=True, eq=False)
-class Progress:
-    """Where a run stands, as its progress callback gets it.
-
-    Attributes:
-        step: Steps taken; 0 while a start is being chosen.
-        steps: Steps that the run takes at most.
-        residual: RMS of the moves that the forces ask for, over the local spacing; falls as the run converges.
-    """
-
-    step: int
-    steps: int
-    residual: float
-    _read_position: Callable[[], np.ndarray]
-
-    @property
-    def position(self) -> np.ndarray:
-        """Current body positions [m], shape ``[n, 2]``, in the placement's order; a copy, made when it is asked for."""
-        return self._read_position()
-
-
-def is_stop(answer: object) -> bool:
-    """Tell whether a progress callback asks for the end of a run: by False, NumPy's too; None goes on."""
-    if isinstance(answer, np.ndarray) and answer.shape == ():
-        answer = answer[()]
-    return isinstance(answer, (bool, np.bool_)) and not answer
 
 
 class Edit(NamedTuple):
@@ -198,7 +171,7 @@ class Solver:
             if state is not None:
                 check_is(state, SurfaceState if isinstance(problem.domain, Surface) else State, "`state`")
             if flags is not None:
-                flags = _checked_flags(flags, problem.body_count)
+                flags = checked_flags(flags, problem.body_count)
             check_memory(problem)
             with self.launcher.phase("set-up"):
                 self.model = placed = Model(problem, flags)
@@ -252,11 +225,13 @@ class Solver:
             border, kept, before = self._border, self._cut_position(), self.descent
             assert isinstance(before, Descent)
             self._border = None
-            smooth = self._go_on_from(before, kept.position, kept.source, border.turn, SMOOTH_OVER_SPACING)
+            smooth = go_on_from(
+                before, self.model, kept.position, kept.source, turned=border.turn, smooth=SMOOTH_OVER_SPACING
+            )
             smooth.step.play(SMOOTH_STEPS)
             position = smooth.positions()
             close = position[smooth.close_bodies()]
-            self.descent = self._go_on_from(smooth, position, np.arange(self.model.body_count), close=close)
+            self.descent = go_on_from(smooth, self.model, position, np.arange(self.model.body_count), close=close)
             self.descent.step.play(STEPS_WITHIN)
 
     def _leave_beyond(self) -> bool:
@@ -271,49 +246,6 @@ class Solver:
         """Which bodies are within a natural border, and where."""
         assert self._border is not None and isinstance(self.descent, Descent)
         return self._border.cut(self.descent.positions(), self.model)
-
-    def _go_on_from(
-        self,
-        before: Descent,
-        position: np.ndarray,
-        source: np.ndarray,
-        turned: float = 0.0,
-        smooth: float | None = None,
-        close: np.ndarray | None = None,
-    ) -> Descent:
-        """Return a descent of bodies of another one, which is let go of.
-
-        Args:
-            before: The other one.
-            position: Where the bodies are [m], shape ``[body_count, 2]``.
-            source: Which of that descent's they are, shape ``[body_count]``.
-            turned: By how much they were turned there [rad].
-            smooth: See :class:`~.descent.Descent`.
-            close: Where bodies stand too close to others [m], shape ``[m, 2]``: all forces count there.
-        """
-        self.launcher.release(before.step)
-        model, old, state = self.model, before.model, before.state
-        pose = np.zeros((model.body_count, 4))
-        pose[:, :2] = position / model.unit
-        is_line = model.body.kind >= 0
-        pose[is_line, 2:] = state.pose.numpy()[source[is_line], 2:]
-        pose[is_line, 2] -= turned
-        pose[is_line, 3] *= old.unit / model.unit
-        # Where bodies were placed beyond a border there are obstacles in the density only, for which a line's charges count.
-        stirred = None if close is None else close / model.unit
-        descent = Descent(
-            model, self.launcher, pose=pose, smooth=smooth, begins_short=smooth is not None, stirred=stirred
-        )
-        carry_lines(old, state, model, descent.state, source)
-        if old is model:
-            descent.state.turn.assign(state.turn)
-        elif model.footprints.free.any():
-            turn, free = descent.state.turn.numpy().copy(), model.footprints.free & ~model.fixed
-            turn[free] = state.turn.numpy()[source[free]] - turned
-            descent.state.turn.assign(turn)
-        descent.state.steps[:] = state.steps
-        descent.place_charges()
-        return descent
 
     def edit(self, problem: Problem, *, steps: int = EDIT_STEPS) -> Edit:
         """Go on with another problem in the same domain from where bodies are.
@@ -402,12 +334,12 @@ class Solver:
             descent = Descent(
                 model,
                 self.launcher,
-                pose=_carried_poses(before, old, model, carried),
+                pose=carried_poses(before, old, model, carried),
                 stirred=carried.pose.numpy()[carried.new, :2] if natural else None,
             )
             if before.kinds and model.kinds:
                 carry_lines(before, old, model, descent.state, carried.source)
-            _carry_turns(before, old, model, descent.state, carried)
+            carry_turns(before, old, model, descent.state, carried)
         else:
             # All that such bodies bring with them is where they are: the rest is made while a GPU spreads points.
             descent = Descent(model, self.launcher, pose=edit.pose)
@@ -830,42 +762,3 @@ class Solver:
         if self._border is not None:
             return self._cut_position().position
         return self.descent.positions()
-
-
-def _carried_poses(old: Model, before: State, model: Model, carried: CarriedInPlane) -> wp.array | np.ndarray:
-    """Where bodies begin after an edit, and how lines lie that were there, shape ``[body_count, 4]``; NaN for how others do."""
-    if not model.kinds:
-        return carried.pose
-    pose = carried.pose.numpy().astype(np.float64)
-    pose[:, 2:] = np.nan
-    came = np.flatnonzero((carried.source >= 0) & (model.body.kind >= 0))
-    # What was another kind of body has neither angle nor length.
-    came = came[model.charge.per_body[came] == old.charge.per_body[carried.source[came]]]
-    pose[came, 2:] = before.pose.numpy()[carried.source[came], 2:]
-    pose[came, 3] *= old.unit / model.unit
-    return pose
-
-
-def _carry_turns(old: Model, before: State, model: Model, state: State, carried: CarriedInPlane) -> None:
-    """Let bodies that were there before lie as they lay."""
-    if not model.footprints.has_outlines:
-        return
-    came = np.flatnonzero((carried.source >= 0) & model.footprints.is_outline & ~model.fixed)
-    came = came[old.footprints.is_outline[carried.source[came]]]
-    turn = state.turn.numpy().copy()
-    turn[came] = before.turn.numpy()[carried.source[came]]
-    state.turn.assign(turn)
-
-
-def _checked_flags(flags: object, body_count: int) -> np.ndarray:
-    """Return flags of bodies, shape ``[body_count]``, int32; raise ProblemError for anything else."""
-    try:
-        given = np.asarray(flags)
-        usable = (
-            given.shape == (body_count,) and given.dtype.kind in "biu" and bool((given == given.astype(np.int32)).all())
-        )
-    except FOREIGN_ERRORS:
-        usable = False
-    if not usable:
-        raise ProblemError(f"`flags` must be whole numbers, one for each of {body_count} bodies; got {show(flags)}")
-    return given.astype(np.int32)

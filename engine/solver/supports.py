@@ -10,8 +10,9 @@ import numpy as np
 
 from ..errors import ProblemError, Reason, Refusal
 from ..problem.body_footprints import BodyFootprints
+from ..problem.clearance import clearance
 from ..problem.domain import Domain
-from ..problem.obstacles import Obstacle, clearance
+from ..problem.obstacles import Obstacle
 from ..problem.of_bodies import of_bodies
 from ..problem.problem import Problem
 from ..problem.surface import Surface

@@ -18,9 +18,7 @@ from ..cascade.nodes import Nodes
 from ..cascade.points import empty_points
 from ..cascade.seen_from_afar import looks_other_from_afar, seen_from_afar
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
-from ..errors import ProblemError, Reason, Refusal
 from ..heat.heat_mesh import HeatMeshes
-from ..problem.outlines_on_surface import OutlinesOnSurface
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface
 from ..problem.unit_vectors import tangent_frame
@@ -31,12 +29,12 @@ from . import kernels_on_surface, kernels_surface_bends, kernels_surface_lines
 from .beside_fixed_on_surface import left_by_fixed
 from .carried_lines import carry_lines
 from .contact import keeps_apart
+from .cut_by_detail import cut_by_detail
 from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels
 from .direction import ANY_STRETCH, Direction
-from .initial_placement import body_starts
 from .line_rules import first_length_factors
 from .model import Model
-from .numbers_of_parts import first_ranks, first_ranks_among_crumbs
+from .start_on_surface import first_spots
 from .surface_contact import SurfaceContact
 from .surface_correlation import correlation_potential
 from .surface_line_rules import SurfaceLineRules
@@ -64,30 +62,6 @@ Start = Callable[["SurfaceDescent"], None]
 # Returns the share of every class's density on every tile, shape ``[class_count, tile_count]``, and leaves facets as they are cut.
 Shares = Callable[[Facets], np.ndarray]
 
-# Where a density changes within a tile by more than this share of its largest value there, tiles are cut into so many times so many.
-DETAIL = 0.3
-FINER = 3
-SAMPLES_OF_DETAIL = 8
-# Tiles whose sides are no longer than this, in units, as those at bends are and those of meshes far finer than bodies stand, are
-# fine enough for all but the edge of a density: there they are cut until they are a third as long. All are looked at at fewer points.
-# Measured: 4,096 bodies in bands and spots on a ball of 327,680 triangles are as even as without that, in 2.7 s instead of 5 to 8;
-# moss on five rocks of 20,480 triangles each takes 9 s instead of 33.
-FINE = 0.5
-SAMPLES_OF_FINE = 4
-# Of more tiles than this, those that lie far from all density are not cut: a facet is looked at at so many points along each side, and
-# is far if nothing is seen within so many units. What is smaller than a third of a facet, and lies so far from all else, is not seen.
-# Measured on a spot of a unit sphere that 2,000 bodies stand in, .05 wide: a run takes 8 s instead of 41 s.
-MANY_TILES = 1_000_000
-SAMPLES_OF_FACET = 3
-NEAR_DENSITY = 10.4
-# Obstacles that reach farther than this, in units, are details; of all others the share of a tile that they take is found from so many
-# points along each of its sides. Measured on 600 boxes among as many, which cover 36 %: where tiles are not cut at small ones coverage
-# errors are 0.0136, cut in four 0.0089, in nine 0.0097; as details, which takes six times as long as all the rest, 0.0076.
-LARGE_OUTLINE = 2.0
-SAMPLES_OF_OUTLINES = 2
-# What lies so near to it, in units, is cut finer, too: there the near part of the target's force changes fast.
-NEAR_DETAIL = 2.9
-FINER_NEAR_DETAIL = 2
 # Lines of which a charge lies farther from where it was when they were parted, in widths, lie straight.
 MOST_MISSED = 0.0005
 # Where the last step met next to no curvature, as where bodies cross a crease, BFGS asks for a step that is as long as the limit for
@@ -152,7 +126,7 @@ class SurfaceDescent:
         sides = np.linalg.norm(np.roll(corner, -2, axis=1) - np.roll(corner, -1, axis=1), axis=2)
         self._border, self._continues, self._crumbs = float(sides[parts.open_side].sum()), parts.continues, parts.crumbs
         if shares is None:
-            share = self._cut_by_detail()
+            share = cut_by_detail(model, self.facets)
         self.bodies = bodies_for_kernels(model, launcher)
         on_device = self.facets.for_kernels()
         if shares is not None:
@@ -390,109 +364,6 @@ class SurfaceDescent:
             if self.contact is None:
                 self.place_charges()
 
-    def _cut_by_detail(self) -> np.ndarray:
-        """Cut facets finer where densities change fast; return the share of every class's density on every tile.
-
-        At obstacles that are small outlines they are cut less fine: there may be as many as bodies, and these are parted from them.
-        """
-        facets, classes = self.facets, self.model.problem.classes
-        outlines = self.model.problem.outlines_on_surface
-        large = outlines.larger_than(LARGE_OUTLINE * self.model.unit)
-        small = outlines.smaller_than(LARGE_OUTLINE * self.model.unit)
-        if len(small):
-            of_tile = np.repeat(np.arange(facets.count), facets.cuts**2)
-            facets.cut_finer(np.unique(of_tile[self._share_beside(small) < 1.0]), FINER_NEAR_DETAIL)
-        varying = [k for k, c in enumerate(classes) if c.varies_beside_outlines or len(large)]
-        density = np.ones((len(classes), facets.tile_count))
-        if varying:
-            density = self._detailed_densities(varying, large)
-        if len(small):
-            density = density * self._share_beside(small)
-        amount = density * facets.tile_area
-        total = amount.sum(axis=1, keepdims=True)
-        if not (total > 0.0).all():
-            name = classes[int(np.argmin(total[:, 0]))].name
-            raise ProblemError(
-                f'`density` of class "{name}" is above 0 on too small a part of the surface',
-                Refusal(Reason.NO_DENSITY, 0, 0, (name, "")),
-            )
-        return amount / total
-
-    def _detailed_densities(self, varying: list[int], outlines: OutlinesOnSurface) -> np.ndarray:
-        """Cut facets finer where densities change fast, and return densities on tiles, shape ``[class_count, tile_count]``.
-
-        Args:
-            varying: Classes whose densities change at all.
-            outlines: Obstacles that they end at.
-        """
-        facets = self.facets
-        if facets.tile_count > MANY_TILES and len(varying) == len(self.model.problem.classes):
-            self._cut_less_where_empty(varying, outlines)
-        whole = np.arange(facets.count)
-        sampled = self._densities(whole, 2, varying, outlines)
-        detailed, at_edge = np.zeros((2, facets.count), bool)
-        of_tile = np.repeat(whole, facets.cuts**2)
-        for values in sampled:
-            largest, least = values.max(axis=1), values.min(axis=1)
-            detailed[of_tile[largest - least > DETAIL * largest]] = True
-            # Bodies may stand on all of a tile or on nothing of it.
-            at_edge[of_tile[(least <= 0.0) & (largest > 0.0)]] = True
-        near = facets.near(detailed, NEAR_DETAIL) & ~detailed
-        length = facets.longest / facets.cuts
-        short = length <= FINE
-        near, fine, detailed = near & ~short, detailed & short, detailed & ~short
-        # What is not cut finer is known.
-        kept = ~(detailed | near | fine)[of_tile]
-        facets.cut_finer(np.flatnonzero(near), FINER_NEAR_DETAIL)
-        facets.cut_finer(np.flatnonzero(detailed), FINER)
-        edge = np.flatnonzero(fine & at_edge)
-        facets.cut_into(edge, np.ceil(FINER * length[edge] / FINE - 1e-6).astype(np.int64) * facets.cuts[edge])
-        of_tile = np.repeat(whole, facets.cuts**2)
-        density = np.ones((len(self.model.problem.classes), facets.tile_count))
-        for k, values in zip(varying, sampled, strict=True):
-            density[k, ~(detailed | near | fine)[of_tile]] = values[kept].mean(axis=1)
-        for some, inner in ((near, 2), (fine, SAMPLES_OF_FINE), (detailed, SAMPLES_OF_DETAIL)):
-            if some.any():
-                found = self._densities(np.flatnonzero(some), inner, varying, outlines)
-                for k, values in zip(varying, found, strict=True):
-                    density[k, some[of_tile]] = values.mean(axis=1)
-        return density
-
-    def _cut_less_where_empty(self, varying: list[int], outlines: OutlinesOnSurface) -> None:
-        """Leave facets whole where no density is seen at some points of theirs and of others around."""
-        facets, whole = self.facets, np.arange(self.facets.count)
-        cuts = facets.cuts.copy()
-        facets.cut_into(whole, 1)
-        seen = np.zeros(facets.count, bool)
-        for values in self._densities(whole, SAMPLES_OF_FACET, varying, outlines):
-            seen |= values.any(axis=1)
-        some = np.flatnonzero(facets.near(seen, NEAR_DENSITY)) if seen.any() else whole
-        facets.cut_into(some, cuts[some])
-
-    def _densities(
-        self, facet: np.ndarray, inner: int, classes: list[int], outlines: OutlinesOnSurface
-    ) -> list[np.ndarray]:
-        """Densities of some classes at ``inner²`` points of every tile of some facets, shapes ``[tiles, inner²]``."""
-        points = self._points_of_tiles(facet, inner)
-        found = []
-        for k in classes:
-            body_class = self.model.problem.classes[k]
-            density = body_class.density_beside_outlines(points)
-            if len(outlines):
-                density = density * outlines.free(points, body_class.edge)
-            found.append(density.reshape(-1, inner**2))
-        return found
-
-    def _share_beside(self, outlines: OutlinesOnSurface) -> np.ndarray:
-        """Share of every tile that outlines leave, shape ``[tile_count]``."""
-        points = self._points_of_tiles(np.arange(self.facets.count), SAMPLES_OF_OUTLINES)
-        free = outlines.distance(points, 0.0) >= 0.0
-        return free.reshape(-1, SAMPLES_OF_OUTLINES**2).mean(axis=1)
-
-    def _points_of_tiles(self, facet: np.ndarray, inner: int) -> PointsOnSurface:
-        """``inner²`` points of every tile of some facets."""
-        return self.facets.surface.points(*self.facets.in_triangle(*self.facets.tiles(facet, inner)))
-
     def _make_ground(
         self, on_device: kernels_facets.Facets, share: np.ndarray, attraction: np.ndarray
     ) -> kernels_on_surface.Ground:
@@ -598,67 +469,10 @@ class SurfaceDescent:
         self.state.facet.assign(facet)
         self.state.weight.assign(weight)
 
-    def _shared_out_among_parts(self, running: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the first tile of every part, and at the end of all, and the first body of every group on it.
-
-        Shapes ``[part_count + 1]`` and ``[group_count, part_count + 1]``.
-
-        Args:
-            running: Sums of the classes' shares over tiles, shape ``[class_count, tile_count]``.
-            count: Bodies of every group that are not fixed.
-        """
-        facets, model = self.facets, self.model
-
-        def starts(number: np.ndarray) -> np.ndarray:
-            return np.flatnonzero(np.diff(number, prepend=-1))
-
-        def ends(start: np.ndarray) -> np.ndarray:
-            return facets.first_tile[np.append(start, facets.count)]
-
-        def up_to(tiles: np.ndarray) -> np.ndarray:
-            return np.where(tiles > 0, running[:, np.maximum(tiles, 1) - 1], 0.0)[model.groups.class_index]
-
-        labels = starts(facets.label)
-        of_labels = ends(labels)
-        rank = first_ranks(up_to(of_labels[1:]), count)
-        if self._crumbs < 0:
-            return of_labels, rank
-        k = int(np.flatnonzero(facets.label[labels] == self._crumbs)[0])
-        of_parts = ends(starts(facets.part))
-        inner = of_parts[(of_parts >= of_labels[k]) & (of_parts <= of_labels[k + 1])]
-        chance = np.random.default_rng([model.problem.seed, 13]).random()
-        within = up_to(inner[1:]) - up_to(inner[:1])
-        among = first_ranks_among_crumbs(within, rank[:, k + 1] - rank[:, k], chance)
-        tile = np.concatenate([of_labels[:k], inner, of_labels[k + 2 :]])
-        return tile, np.concatenate([rank[:, :k], rank[:, k : k + 1] + among, rank[:, k + 2 :]], axis=1)
-
     def _first_state(self, share: np.ndarray) -> SurfaceState:
         model, launcher, device = self.model, self.launcher, self.launcher.device
         n = model.body_count
-        count, (_, group, rank, identity, _, shift), seed = body_starts(model, launcher)
-        facet, weight = launcher.empty(n, wp.int32), launcher.empty(n, wp.vec2)
-        running = np.cumsum(share, axis=1)
-        first_tile, first_rank = self._shared_out_among_parts(running, count)
-        launcher.launch(
-            kernels_on_surface.place_on_tiles,
-            n,
-            [
-                group,
-                rank,
-                identity,
-                self.bodies.support,
-                shift,
-                wp.array(running.ravel(), dtype=wp.float64, device=device),
-                launcher.array(first_tile.astype(np.int32), wp.int32),
-                launcher.array(first_rank.ravel(), wp.int32),
-                len(first_tile) - 1,
-                self.facets.tile_count,
-                self.facets.count,
-                self.ground.facets,
-                seed,
-            ],
-            [facet, weight],
-        )
+        facet, weight = first_spots(launcher, model, self.facets, self.ground, self.bodies.support, share)
         axis = np.zeros((n, 3))
         if self.rules.kind_count:
             axis = self.rules.first_axes(facet.numpy(), tiles_of(self.facets, facet.numpy(), weight.numpy()))

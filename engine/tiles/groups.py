@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..problem.fixed_bodies import FixedTable
+from ..problem.fixed_table import FixedTable
 from ..problem.footprints import DrawnFootprints
 from ..problem.interaction import group_bodies
 from ..problem.prepared_class import PreparedClass

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ...engine.solver.solver import Progress
+    from ...engine.solver.progress import Progress
 
 __all__ = ["BackgroundRun"]
 

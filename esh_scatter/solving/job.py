@@ -29,7 +29,7 @@ from ...engine.problem.settings import takes, values_of, with_changes
 from ...engine.problem.surface_directions import SurfaceDirection
 from ...engine.problem.validation import as_whole, check_name, show
 from ...engine.solve import moved, solve_on
-from ...engine.solver.solver import Progress
+from ...engine.solver.progress import Progress
 from ...engine.surface.chart import Chart
 from ...engine.surface.instances import Instances
 from ...engine.surface.triangle_mesh import TriangleMesh

@@ -15,7 +15,8 @@ from ...engine.problem.placement import Placement
 from ...engine.problem.problem import Problem
 from ...engine.problem.surface import Surface
 from ...engine.quality.measurement import measure
-from ...engine.solver.solver import Bookmark, Progress, Solver
+from ...engine.solver.progress import Progress
+from ...engine.solver.solver import Bookmark, Solver
 from ..classes.survey import Survey
 from ..result.words import EVEN, unevenness
 from .strokes import Stroke

@@ -12,7 +12,7 @@ from ..result.local_views import shows_any
 from ..targets.references import Reference
 
 if TYPE_CHECKING:
-    from ...engine.solver.solver import Progress
+    from ...engine.solver.progress import Progress
     from .job import ScatterJob
 
 __all__ = ["MovingBodies"]

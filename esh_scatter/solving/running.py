@@ -13,7 +13,7 @@ from .background_run import BackgroundRun
 from .moving_bodies import MovingBodies
 
 if TYPE_CHECKING:
-    from ...engine.solver.solver import Progress
+    from ...engine.solver.progress import Progress
 
 __all__ = ["end", "keep", "lets_through", "may_compile", "session", "start", "still_stopping", "stop"]
 

@@ -177,6 +177,7 @@ OF_SINGLE_VALUES = {
         *(
             "color_separation",
             "fixed_bodies",
+            "fixed_table",
             "footprint",
             "footprints",
             "obstacles",
@@ -212,7 +213,7 @@ OF_SCRIPTS = {
     "solver/solver.py Solver._check_open": 1,
     "solver/solver.py Solver.edit": 2,
     "solver/solver.py Solver.start_at": 2,
-    "solver/solver.py _checked_flags": 1,
+    "solver/body_flags.py checked_flags": 1,
     "solver/state_arrays.py StateArrays.check": 1,
 }
 # What Blender's side asks for by names, which these sentences say: UV maps, vertex groups, attributes.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from esh import BodyClass, Domain, Obstacle, Problem, ProblemError, Size
-from esh.engine.problem.obstacles import MOST_KNOWN, _distances, clearance, distance_to
+from esh.engine.problem.clearance import MOST_KNOWN, _distances, clearance, distance_to
 
 DOMAIN = Domain((8.0, 6.0))
 SHAPE = (120, 160)
