@@ -11,7 +11,7 @@ from ..properties.copied_values import copy_values
 from ..properties.kept_settings import OF_RESULT, kept_of
 from ..properties.scene import ESH_PG_scene
 from ..result.display import followed_targets, our_modifier
-from ..result.node_group import have_built_anew
+from ..result.node_group_contents import have_built_anew
 from ..result.result import is_copy, rename_result
 from ..targets.in_scenes import in_a_scene
 from ..targets.target import RESULT_TARGET, is_result

@@ -11,6 +11,7 @@ from bpy.app.handlers import persistent
 
 from ...engine.errors import ProblemError
 from ..targets.evaluated_mesh import vertices_in_world
+from ..targets.mesh_attributes import read_attribute
 from ..targets.modes import to_object_mode
 from ..targets.target import check_target
 
@@ -133,9 +134,7 @@ def _map_from_above(target: bpy.types.Object) -> str:
     low, high = world.min(axis=0), world.max(axis=0)
     if not (high > low).all():
         raise ProblemError(f'target "{target.name}" must have an extent in x and y to be painted from above')
-    vertex = np.empty(len(mesh.loops), np.int32)
-    mesh.attributes[".corner_vert"].data.foreach_get("value", vertex)
-    uv = ((world - low) / (high - low))[vertex].astype(np.float32)
+    uv = ((world - low) / (high - low))[read_attribute(mesh, ".corner_vert")].astype(np.float32)
     with ExitStack() as kept:
         for scatter in _scatters_on(mesh):
             kept.enter_context(scatter.keeps_shapes())

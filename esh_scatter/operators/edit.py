@@ -173,7 +173,7 @@ def select_points(operator: bpy.types.Operator, context: bpy.types.Context, chos
     except EshError as error:
         operator.report({"ERROR"}, sentence(error))
         return {"CANCELLED"}
-    if result.name not in context.view_layer.objects or not result.visible_get():
+    if not result.visible_get():
         operator.report({"ERROR"}, f'"{result.name}" is hidden. Show it first')
         return {"CANCELLED"}
     for item in context.selected_objects:

@@ -18,11 +18,12 @@ from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import pins, real_objects
 from ..result.edited_points import outside_edit_mode
-from ..result.kept_ground import CLASSES_OF_POINTS, read_attribute, stand_anew
+from ..result.kept_ground import CLASSES_OF_POINTS, stand_anew
 from ..result.points_in_front import hide_points
 from ..result.result import CLASS_NAMES
 from ..result.scene_units import sentence
 from ..solving import live
+from ..targets.mesh_attributes import read_attribute
 from .edit import Edit, select_points
 
 __all__ = ["CLASSES", "remove_and_keep_free"]
@@ -202,7 +203,7 @@ class ESH_OT_instances_make_real(_OnResult):
         """Make them."""
         result = selected_scatter(context).result_in(context.scene)
         assert result is not None
-        if result.name not in context.view_layer.objects or not result.visible_get():
+        if not result.visible_get():
             self.report({"ERROR"}, f'"{result.name}" is hidden. Show it first')
             return {"CANCELLED"}
         names = json.loads(result.get(CLASS_NAMES, "[[], []]"))[0]

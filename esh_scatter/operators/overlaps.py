@@ -4,14 +4,14 @@
 # ruff: noqa: D415
 
 import bpy
-import numpy as np
 from mathutils import Matrix, Vector
 
 from ..editing import forecast
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
+from ..result.attributes import OVERLAPPING
 from ..result.display import matrix_of_points
-from ..result.result import OVERLAPPING
+from ..targets.mesh_attributes import read_attribute
 from .edit import Edit, select_points, settings_editable
 
 __all__ = ["CLASSES"]
@@ -64,7 +64,7 @@ class ESH_OT_select_overlapping(_OfResult):
         if result.mode == "EDIT":
             # There its attributes cannot be read.
             bpy.ops.object.mode_set(mode="OBJECT")
-        chosen = _overlapping(result)
+        chosen = read_attribute(result.data, OVERLAPPING)
         answer = select_points(self, context, chosen)
         if answer == {"FINISHED"}:
             self.report({"INFO"}, f"{int(chosen.sum()):,} overlapping objects are selected")
@@ -107,15 +107,9 @@ def _obstacle(scatter: ESH_PG_scatter, context: bpy.types.Context) -> str | None
         return "The result does not say which objects overlap. Scatter again"
     if max(report["deepest_pair"]) >= len(result.data.vertices):
         return "Points were removed by hand. Scatter again"
-    if result.name not in context.view_layer.objects or not result.visible_get():
+    if not result.visible_get():
         return "The result is hidden. Show it first"
     return None
-
-
-def _overlapping(result: bpy.types.Object) -> np.ndarray:
-    chosen = np.zeros(len(result.data.vertices), bool)
-    result.data.attributes[OVERLAPPING].data.foreach_get("value", chosen)
-    return chosen
 
 
 CLASSES = (ESH_OT_counts_to_fit, ESH_OT_select_overlapping, ESH_OT_frame_overlap)

@@ -9,7 +9,8 @@ import bpy
 import numpy as np
 
 from ..targets.target import RESULT_TAG
-from .node_group import DISPLAYS, Followed, followed_in, placed_objects, target_inputs, undoes_own_transform
+from .node_group import DISPLAYS
+from .node_group_contents import Followed, followed_in, placed_objects, target_inputs, undoes_own_transform
 
 __all__ = [
     "begin_with_points",

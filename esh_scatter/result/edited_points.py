@@ -9,7 +9,8 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
-from .kept_ground import read_attribute
+from ..targets.mesh_attributes import read_attribute
+from .attributes import read_flags
 from .pins import tell_copies_apart
 
 __all__ = ["can_leave_edit_mode", "checksum_of_edited", "outside_edit_mode"]
@@ -74,24 +75,17 @@ class _Shown:
 
     def __init__(self, mesh: bpy.types.Mesh) -> None:
         number = _numbers(mesh)
-        self._number = {name: number[_flags(mesh, name)] for name in ("select", "hide")}
+        self._number = {name: number[read_flags(mesh, name)] for name in ("select", "hide")}
 
     def give(self, mesh: bpy.types.Mesh) -> None:
         """Select and hide the points with the same numbers, and no others."""
         number = _numbers(mesh)
         for name, own in self._number.items():
             flags = np.isin(number, own)
-            if not np.array_equal(flags, _flags(mesh, name)):
+            if not np.array_equal(flags, read_flags(mesh, name)):
                 mesh.vertices.foreach_set(name, flags)
 
 
 def _numbers(mesh: bpy.types.Mesh) -> np.ndarray:
     """Return what points are told apart by, shape ``[n]``."""
     return read_attribute(mesh, "id") if "id" in mesh.attributes else np.arange(len(mesh.vertices))
-
-
-def _flags(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
-    """Return a flag of all points, shape ``[n]``."""
-    flags = np.zeros(len(mesh.vertices), bool)
-    mesh.vertices.foreach_get(name, flags)
-    return flags

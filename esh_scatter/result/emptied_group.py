@@ -8,7 +8,8 @@ import bpy
 
 from ..targets.references import Reference
 from .display import get_inputs, our_modifier, set_inputs
-from .node_group import MADE_OF, Followed, build_node_group, classes_of, followed_in, placed_objects
+from .node_group import build_node_group
+from .node_group_contents import MADE_OF, Followed, classes_of, followed_in, placed_objects
 
 __all__ = ["EmptiedGroup", "empty_group", "fill_group"]
 

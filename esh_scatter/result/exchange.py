@@ -18,8 +18,8 @@ from ...engine.files.placement_reader import load_placement
 from ...engine.files.quaternions import multiply_xyzw, wxyz_of_axes
 from ...engine.problem.validation import as_path, show
 from ..targets.target import RESULT_TAG, check_exists, extent_of, put_offset
+from .attributes import INSTANCE_INDEX, ROTATION, SCALE
 from .display import matrix_of_points, shown_objects
-from .node_group import INSTANCE_INDEX, ROTATION, SCALE
 from .result import CLASS_NAMES, write_result
 from .standing_now import heights, moved_with
 

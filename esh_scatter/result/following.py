@@ -11,18 +11,8 @@ from ...engine.problem.unit_vectors import unit_vectors
 from ...engine.surface.surface_points import SurfacePoints
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ..targets.subdivision import Subdivision
-from .node_group import (
-    ALIGN,
-    CORNERS,
-    EDGE,
-    FACE_NORMAL,
-    FINER_CORNERS,
-    GROUND_POINT,
-    TARGET,
-    Finer,
-    Followed,
-    Rest,
-)
+from .attributes import ALIGN, CORNERS, EDGE, FACE_NORMAL, FINER_CORNERS, GROUND_POINT, TARGET
+from .node_group_contents import Finer, Followed, Rest
 
 __all__ = ["finer_attributes", "follow_attributes", "followed"]
 

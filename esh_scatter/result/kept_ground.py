@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -11,48 +11,49 @@ from ...engine.problem.look_at import LookAt
 from ...engine.problem.scatter_settings import Standing
 from ..classes.standing import Ground, stand, turns_towards
 from ..targets.evaluated_mesh import in_world
-from .display import matrix_of_points, shown_objects
-from .node_group import (
+from ..targets.mesh_attributes import read_attribute, write_attribute
+from .attributes import (
     ALIGN,
+    BODY_ANGLE,
+    BODY_LENGTH,
     CORNERS,
+    FIT,
+    HEADING,
     HEIGHT,
     HIDE_RENDER,
     HIDE_VIEWPORT,
     INSTANCE_INDEX,
+    LAID,
+    LONG,
+    LOOKS,
+    MIDDLE,
+    NORMAL,
+    PINNED,
+    PLACED_AT,
     ROTATION,
     SCALE,
     TARGET,
+    TO_ORIGIN,
     WEIGHTS,
+    numbers_of,
 )
+from .display import matrix_of_points, shown_objects
 
 __all__ = [
-    "BODY_ANGLE",
-    "BODY_LENGTH",
     "CLASSES_OF_POINTS",
-    "FIT",
     "LOWEST_POINTS",
-    "MIDDLE",
-    "NORMAL",
     "ON_WHOLE",
-    "PINNED",
-    "PLACED_AT",
     "SEED",
-    "TO_ORIGIN",
     "UNREAD_STANDING",
-    "add_attribute",
-    "any_twice",
     "bodies_in_world",
     "body_places",
     "can_stand_anew",
     "ground_attributes",
     "hide_points",
     "kept_places",
-    "numbers_of",
     "paint_points",
-    "read_attribute",
     "sources_by_number",
     "stand_anew",
-    "write_attribute",
 ]
 
 # Custom properties of a result's mesh: the seed of its random numbers, and which of the sidebar's classes its points belong to.
@@ -64,45 +65,25 @@ LOWEST_POINTS = "esh_scatter_lowest"
 UNREAD_STANDING = "esh_scatter_unread_standing"
 # And whether it stands on the whole surface, and not on what is seen from above.
 ON_WHOLE = "esh_scatter_on_whole"
-# How the placement has a body lie, and how long its axis is, where that is known: from here a run can go on.
-BODY_ANGLE, BODY_LENGTH = "body_angle", "body_length"
-# Attribute of a result's points: those that stay in the next run.
-PINNED = "pinned"
-# Where the last run has put every point [m]: one that is elsewhere was moved by hand.
-PLACED_AT = "placed_at"
-# The way from point to origin [m], under the name that saved files know.
-TO_ORIGIN = "lift"
-
-NORMAL, FIT = "ground_normal", "fit"
-_HEADING, _LONG, MIDDLE = "heading", "long", "middle"
-_LAID, _LOOKS = "laid", "looks"
-_FIELDS: dict[str, tuple[str, int, Any]] = {
-    "FLOAT": ("value", 1, np.float32),
-    "INT": ("value", 1, np.int32),
-    "BOOLEAN": ("value", 1, bool),
-    "FLOAT_VECTOR": ("vector", 3, np.float32),
-    "QUATERNION": ("value", 4, np.float32),
-    "FLOAT_COLOR": ("color", 4, np.float32),
-}
 
 
 def ground_attributes(ground: Ground, to_origin: np.ndarray, height: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:
     """Return the attributes that keep what is known of the points; of the rarer ones, those that say something."""
     kept = {
         NORMAL: ("FLOAT_VECTOR", ground.normal),
-        _HEADING: ("FLOAT", ground.heading),
+        HEADING: ("FLOAT", ground.heading),
         TO_ORIGIN: ("FLOAT_VECTOR", to_origin),
     }
     if height.any():
         kept[HEIGHT] = ("FLOAT_VECTOR", height)
     if ground.long.any():
-        kept[_LONG] = ("BOOLEAN", ground.long)
+        kept[LONG] = ("BOOLEAN", ground.long)
     if ground.middle.any() or ground.axis.any():
         kept[MIDDLE] = ("FLOAT_VECTOR", np.column_stack([ground.middle, ground.axis]))
     if ground.laid.any():
-        kept[_LAID] = ("BOOLEAN", ground.laid)
+        kept[LAID] = ("BOOLEAN", ground.laid)
     if ground.looks.any():
-        kept[_LOOKS] = ("BOOLEAN", ground.looks)
+        kept[LOOKS] = ("BOOLEAN", ground.looks)
     if (ground.fit != 1.0).any():
         kept[FIT] = ("FLOAT", ground.fit)
     return kept
@@ -113,7 +94,7 @@ def can_stand_anew(result: bpy.types.Object) -> bool:
     return (
         result.mode != "EDIT"
         and SEED in result.data
-        and all(name in result.data.attributes for name in ("id", NORMAL, _HEADING, TO_ORIGIN, ROTATION, SCALE))
+        and all(name in result.data.attributes for name in ("id", NORMAL, HEADING, TO_ORIGIN, ROTATION, SCALE))
     )
 
 
@@ -127,13 +108,13 @@ def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing, 
     ground = Ground(
         read_attribute(mesh, "id"),
         read_attribute(mesh, NORMAL),
-        read_attribute(mesh, _HEADING),
-        read_attribute(mesh, _LONG) if _LONG in mesh.attributes else np.zeros(count, bool),
+        read_attribute(mesh, HEADING),
+        read_attribute(mesh, LONG) if LONG in mesh.attributes else np.zeros(count, bool),
         read_attribute(mesh, FIT) if FIT in mesh.attributes else np.ones(count, np.float32),
         middle[:, :2],
         middle[:, 2],
-        read_attribute(mesh, _LAID) if _LAID in mesh.attributes else np.zeros(count, bool),
-        read_attribute(mesh, _LOOKS) if _LOOKS in mesh.attributes else np.zeros(count, bool),
+        read_attribute(mesh, LAID) if LAID in mesh.attributes else np.zeros(count, bool),
+        read_attribute(mesh, LOOKS) if LOOKS in mesh.attributes else np.zeros(count, bool),
         _lowest_points(mesh),
     ).part(own)
     new = stand(standing, ground, int(mesh[SEED]))
@@ -175,13 +156,13 @@ def _lowest_points(mesh: bpy.types.Mesh) -> np.ndarray:
 def _look_anew(result: bpy.types.Object, own: np.ndarray, standing: Standing, look_at: LookAt | None) -> None:
     """Have points look somewhere, or nowhere; those that are pinned keep their turn, and long objects their direction."""
     mesh = result.data
-    if look_at is None and _LOOKS not in mesh.attributes:
+    if look_at is None and LOOKS not in mesh.attributes:
         return
-    if _LOOKS not in mesh.attributes:
-        mesh.attributes.new(_LOOKS, "BOOLEAN", "POINT")
-    looks, heading = read_attribute(mesh, _LOOKS), read_attribute(mesh, _HEADING)
+    if LOOKS not in mesh.attributes:
+        mesh.attributes.new(LOOKS, "BOOLEAN", "POINT")
+    looks, heading = read_attribute(mesh, LOOKS), read_attribute(mesh, HEADING)
     before = heading.copy()
-    for name in (PINNED, _LONG):
+    for name in (PINNED, LONG):
         if name in mesh.attributes:
             own = own[~read_attribute(mesh, name)[own]]
     if look_at is None:
@@ -199,12 +180,12 @@ def _look_anew(result: bpy.types.Object, own: np.ndarray, standing: Standing, lo
             mesh.attributes.new(BODY_ANGLE, "FLOAT", "POINT")
         # The turn that a pin would keep; on a whole surface it is told from another direction.
         angle = read_attribute(mesh, BODY_ANGLE)
-        on_whole = _LAID in mesh.attributes
+        on_whole = LAID in mesh.attributes
         angle[own] = angle[own] + heading[own] - before[own] if on_whole else heading[own]
         write_attribute(mesh, BODY_ANGLE, angle)
     looks[own] = look_at is not None
-    write_attribute(mesh, _LOOKS, looks)
-    write_attribute(mesh, _HEADING, heading)
+    write_attribute(mesh, LOOKS, looks)
+    write_attribute(mesh, HEADING, heading)
 
 
 def paint_points(result: bpy.types.Object, class_number: int, color: tuple[float, ...]) -> None:
@@ -299,24 +280,6 @@ def kept_places(result: bpy.types.Object) -> KeptPlaces | None:
     )
 
 
-def numbers_of(mesh: bpy.types.Mesh) -> np.ndarray:
-    """Return the numbers of a result's points, shape ``[n]``: of copies made by hand, which say the same, numbers of their own."""
-    number = read_attribute(mesh, "id")
-    if not any_twice(number):
-        return number
-    _, first, which = np.unique(number, return_index=True, return_inverse=True)
-    copies = np.flatnonzero(first[which] != np.arange(len(number)))
-    number[copies] = np.setdiff1d(np.arange(len(number)), number)[: len(copies)]
-    return number
-
-
-def any_twice(number: np.ndarray) -> bool:
-    """Tell whether any of some whole numbers, shape ``[n]``, is there twice; at once where they are small, as those of points are."""
-    if len(number) and number.min() >= 0 and number.max() < 4 * len(number):
-        return bool(np.bincount(number).max() > 1)
-    return len(np.unique(number)) < len(number)
-
-
 def sources_by_number(result: bpy.types.Object) -> np.ndarray:
     """Return the session's numbers of the objects that a result shows, by ``instance_index``; -1 for those that are gone."""
     found = np.full(int(read_attribute(result.data, INSTANCE_INDEX).max(initial=-1)) + 1, -1, np.int64)
@@ -327,26 +290,3 @@ def sources_by_number(result: bpy.types.Object) -> np.ndarray:
 
 def _points_of(mesh: bpy.types.Mesh, class_number: int) -> np.ndarray:
     return np.flatnonzero(read_attribute(mesh, "class_index") == class_number)
-
-
-def read_attribute(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
-    """Return the values of an attribute of points, shape ``[n]`` or ``[n, k]``."""
-    attribute = mesh.attributes[name]
-    field, width, dtype = _FIELDS[attribute.data_type]
-    values = np.empty(width * len(attribute.data), dtype)
-    attribute.data.foreach_get(field, values)
-    return values.reshape(-1, width) if width > 1 else values
-
-
-def write_attribute(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
-    """Set the values of an attribute that :func:`read_attribute` has read."""
-    attribute = mesh.attributes[name]
-    attribute.data.foreach_set(_FIELDS[attribute.data_type][0], np.ascontiguousarray(values).ravel())
-
-
-def add_attribute(mesh: bpy.types.Mesh, name: str, value: float) -> np.ndarray:
-    """Return the values of a number of points, shape ``[n]``; where the mesh has no such attribute, it gets one of this value."""
-    if name not in mesh.attributes:
-        mesh.attributes.new(name, "FLOAT", "POINT")
-        write_attribute(mesh, name, np.full(len(mesh.vertices), value, np.float32))
-    return read_attribute(mesh, name)

@@ -14,8 +14,10 @@ from ...engine.surface.mesh_outline import Outline
 from ..classes.scatter_class import ScatterSize
 from ..classes.sources import SizeShape, SourceReader, lowest_points, measure_size, variants_of
 from ..classes.survey import Survey
-from .kept_ground import LOWEST_POINTS, PINNED, SEED, read_attribute, write_attribute
-from .node_group import FAMILY, INSTANCE_INDEX, kind_of, placing_inputs
+from ..targets.mesh_attributes import read_attribute, write_attribute
+from .attributes import INSTANCE_INDEX, PINNED
+from .kept_ground import LOWEST_POINTS, SEED
+from .node_group_contents import PLACE_FAMILY, kind_of, placing_inputs
 
 __all__ = ["VARIANTS", "choose_anew", "lowest_told", "place_others", "variants_told"]
 
@@ -88,7 +90,7 @@ def _kept(result: bpy.types.Object, size: tuple[int, int]) -> dict[str, Any] | N
 
 def _same_kind(before: bpy.types.ID | None, now: bpy.types.ID) -> bool:
     """Tell whether a result that places one thing can place another one just so."""
-    return now == before or (before is not None and kind_of(now) == kind_of(before) != FAMILY)
+    return now == before or (before is not None and kind_of(now) == kind_of(before) != PLACE_FAMILY)
 
 
 def choose_anew(

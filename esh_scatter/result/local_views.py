@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import bpy
 
+from ..targets.in_scenes import is_in_layer
 from ..targets.references import Reference
 from ..targets.target import members_of
 
@@ -22,15 +23,15 @@ def join_local_views(
     for space, view_layer in _local_views(scene):
         # Until then, what is new is not in the layer's list.
         view_layer.update()
-        shown = (one for one in members_of(ground) if view_layer.objects.get(one.name) == one)
-        if view_layer.objects.get(item.name) == item:
+        shown = (one for one in members_of(ground) if is_in_layer(view_layer, one))
+        if is_in_layer(view_layer, item):
             item.local_view_set(space, any(one.visible_get(view_layer=view_layer, viewport=space) for one in shown))
 
 
 def is_left_out(item: bpy.types.Object, context: bpy.types.Context) -> bool:
     """Tell whether the viewport is in a local view that does not show an object."""
     space, layer = context.space_data, context.view_layer
-    if not isinstance(space, bpy.types.SpaceView3D) or space.local_view is None or layer.objects.get(item.name) != item:
+    if not isinstance(space, bpy.types.SpaceView3D) or space.local_view is None or not is_in_layer(layer, item):
         return False
     # What `local_view_get` answers lags behind in Blender 4.5.
     hidden = item.hide_viewport or item.hide_get(view_layer=layer)
@@ -41,7 +42,7 @@ def shows_any(ground: Iterable[Reference], context: bpy.types.Context) -> bool:
     """Tell whether the viewport that is drawn may show any of some objects: those of its scene, and of its local view."""
     layer = context.view_layer
     found = (one.find() for one in ground)
-    there = (item for item in found if item is not None and layer.objects.get(item.name) == item)
+    there = (item for item in found if item is not None and is_in_layer(layer, item))
     return any(not is_left_out(item, context) for item in there)
 
 

@@ -13,24 +13,25 @@ from mathutils import Vector
 
 from ...engine.problem.fixed_bodies import FixedBodies
 from ...engine.problem.unit_vectors import tangent_frame, unit_vectors
+from ..targets.mesh_attributes import read_attribute, write_attribute
 from ..targets.target import extent_of
-from .display import shown_objects
-from .kept_ground import (
+from .attributes import (
     BODY_ANGLE,
     BODY_LENGTH,
     FIT,
+    HEADING,
+    INSTANCE_INDEX,
     NORMAL,
     PINNED,
     PLACED_AT,
+    SCALE,
     TO_ORIGIN,
     any_twice,
-    body_places,
     numbers_of,
-    read_attribute,
-    sources_by_number,
-    write_attribute,
+    read_flags,
 )
-from .node_group import INSTANCE_INDEX, SCALE
+from .display import shown_objects
+from .kept_ground import body_places, sources_by_number
 from .standing_now import moved_with, raised, rotations
 
 # Warp is not imported before something is computed.
@@ -365,9 +366,7 @@ def checksum_of(result: bpy.types.Object) -> list[int]:
 
 def selected_points(mesh: bpy.types.Mesh) -> np.ndarray:
     """Return the indices of the points that are selected, outside Edit Mode."""
-    selected = np.zeros(len(mesh.vertices), bool)
-    mesh.vertices.foreach_get("select", selected)
-    return np.flatnonzero(selected)
+    return np.flatnonzero(read_flags(mesh, "select"))
 
 
 def pin(mesh: bpy.types.Mesh, points: np.ndarray) -> None:
@@ -434,9 +433,9 @@ def turn(mesh: bpy.types.Mesh, points: np.ndarray, angle: float) -> None:
     turned = read_attribute(mesh, BODY_ANGLE)
     turned[points] += np.float32(angle)
     write_attribute(mesh, BODY_ANGLE, turned)
-    heading = read_attribute(mesh, "heading")
+    heading = read_attribute(mesh, HEADING)
     heading[points] += np.float32(angle)
-    write_attribute(mesh, "heading", heading)
+    write_attribute(mesh, HEADING, heading)
     pin(mesh, points)
 
 

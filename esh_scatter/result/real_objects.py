@@ -14,19 +14,12 @@ from mathutils import Matrix, Quaternion
 
 from ...engine.errors import ProblemError
 from ..targets.depsgraph import evaluated_depsgraph
+from ..targets.mesh_attributes import add_attribute, read_attribute, write_attribute
 from ..targets.target import put_offset, world_matrix
 from . import pins
+from .attributes import BODY_ANGLE, FIT, HEADING, HEIGHT, PLACED_AT, ROTATION, SCALE, TO_ORIGIN
 from .display import get_inputs, matrix_of_points, our_modifier, set_inputs, shown_objects
-from .kept_ground import (
-    BODY_ANGLE,
-    FIT,
-    PLACED_AT,
-    TO_ORIGIN,
-    add_attribute,
-    read_attribute,
-    write_attribute,
-)
-from .node_group import DISPLAYS, HEIGHT, ROTATION, SCALE
+from .node_group import DISPLAYS
 from .standing_now import heights
 
 __all__ = ["Changes", "changes_of", "discard_real", "make_real", "real_objects_of", "take_over"]
@@ -163,7 +156,7 @@ def take_over(result: bpy.types.Object, changes: Changes) -> int:
     mirrored = 0
     world = matrix_of_points(result)
     ways = np.linalg.inv(world) @ changes.ways @ world
-    names = ("position", ROTATION, SCALE, TO_ORIGIN, "heading")
+    names = ("position", ROTATION, SCALE, TO_ORIGIN, HEADING)
     position, rotation, scale, to_origin, heading = (read_attribute(mesh, name) for name in names)
     height = heights(result)
     fit, angle = add_attribute(mesh, FIT, 1.0), add_attribute(mesh, BODY_ANGLE, 0.0)

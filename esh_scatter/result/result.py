@@ -9,25 +9,18 @@ import numpy as np
 
 from ..classes.node_tree import remove_group
 from ..targets.in_scenes import in_several_scenes
+from ..targets.mesh_attributes import write_attribute
 from ..targets.target import RESULT_TAG, RESULT_TARGET, is_result
+from .attributes import HIDE_RENDER, HIDE_VIEWPORT
 from .display import follow, get_inputs, our_modifier, set_inputs
 from .kept_ground import CLASSES_OF_POINTS
 from .local_views import join_local_views
-from .node_group import (
-    HIDE_RENDER,
-    HIDE_VIEWPORT,
-    MADE_OF,
-    Followed,
-    build_node_group,
-    made_of,
-    placed_objects,
-    put_at_rest,
-)
+from .node_group import build_node_group
+from .node_group_contents import MADE_OF, Followed, made_of, placed_objects, put_at_rest
 
 __all__ = [
     "CLASS_NAMES",
     "NAME",
-    "OVERLAPPING",
     "find_result",
     "is_copy",
     "names_on",
@@ -41,17 +34,6 @@ __all__ = [
 NAME = "esh_scatter_name"
 # And what its indices count: names of classes, and for each the names of its sizes, as JSON.
 CLASS_NAMES = "esh_scatter_classes"
-# Attribute of points: whether the object there overlaps another; absent where no two do.
-OVERLAPPING = "overlapping"
-
-_WRITTEN = {
-    "FLOAT": "value",
-    "INT": "value",
-    "FLOAT_VECTOR": "vector",
-    "QUATERNION": "value",
-    "FLOAT_COLOR": "color",
-    "BOOLEAN": "value",
-}
 
 
 def find_result(
@@ -257,10 +239,9 @@ def _fill(mesh: bpy.types.Mesh, position: np.ndarray, attributes: Mapping[str, t
 
 def _write_points(mesh: bpy.types.Mesh, position: np.ndarray, attributes: Mapping[str, tuple[str, np.ndarray]]) -> None:
     # As an attribute, which is copied as a whole; vertices are set one after the other.
-    mesh.attributes["position"].data.foreach_set("vector", np.ascontiguousarray(position, np.float32).ravel())
-    for attribute_name, (kind, values) in attributes.items():
-        dtype = {"INT": np.int32, "BOOLEAN": bool}.get(kind, np.float32)
-        mesh.attributes[attribute_name].data.foreach_set(_WRITTEN[kind], np.ascontiguousarray(values, dtype).ravel())
+    write_attribute(mesh, "position", position)
+    for attribute_name, (_, values) in attributes.items():
+        write_attribute(mesh, attribute_name, values)
 
 
 def rename_result(item: bpy.types.Object, name: str) -> None:

@@ -23,11 +23,10 @@ from ..classes.sources import SizeShape, lowest_points, standing_on, variants_of
 from ..classes.standing import Ground, Stand, draw, stand, turns_towards
 from ..targets.subdivision import Subdivision
 from ..targets.targets import stuck_attributes
+from .attributes import BODY_ANGLE, BODY_LENGTH, INSTANCE_INDEX, OVERLAPPING, ROTATION, SCALE
 from .following import finer_attributes, follow_attributes
-from .kept_ground import BODY_ANGLE, BODY_LENGTH, ground_attributes
-from .node_group import INSTANCE_INDEX, ROTATION, SCALE
+from .kept_ground import ground_attributes
 from .pins import add_pins
-from .result import OVERLAPPING
 
 __all__ = ["ResultPoints", "overlap_attributes", "point_attributes", "result_points"]
 

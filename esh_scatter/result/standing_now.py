@@ -11,10 +11,9 @@ from ...engine.problem.unit_vectors import unit_vectors
 from ...engine.surface.instances import body_rotations, rotate
 from ..targets.depsgraph import evaluated_depsgraph
 from ..targets.evaluated_mesh import evaluated_mesh, in_world, vertices_in_world
+from ..targets.mesh_attributes import read_attribute
 from ..targets.target import is_mirrored
-from .display import followed_targets, get_inputs, matrix_of_points, our_modifier
-from .kept_ground import MIDDLE, NORMAL, TO_ORIGIN, body_places, read_attribute
-from .node_group import (
+from .attributes import (
     ALIGN,
     CORNERS,
     EDGE,
@@ -22,14 +21,18 @@ from .node_group import (
     FINER_CORNERS,
     GROUND_POINT,
     HEIGHT,
+    MIDDLE,
+    NORMAL,
     ROTATION,
-    ROUNDING,
     SCALE,
     TARGET,
-    UP,
+    TO_ORIGIN,
     WEIGHTS,
-    Followed,
 )
+from .display import followed_targets, get_inputs, matrix_of_points, our_modifier
+from .follow_nodes import ROUNDING, UP
+from .kept_ground import body_places
+from .node_group_contents import Followed
 
 __all__ = [
     "LyingNow",

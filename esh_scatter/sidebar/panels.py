@@ -18,7 +18,7 @@ from ..result import real_objects, words
 from ..result.display import followed_targets, get_inputs, input_property, is_in_world, our_modifier
 from ..result.edited_points import can_leave_edit_mode
 from ..result.local_views import is_left_out
-from ..result.node_group import target_inputs
+from ..result.node_group_contents import target_inputs
 from ..result.refused import NOT_SEEN
 from ..result.result import find_result, is_shared
 from ..solving import live, loading, running

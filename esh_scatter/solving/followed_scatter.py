@@ -13,7 +13,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import bpy
-import numpy as np
 
 from ...engine.errors import EshError
 from ..result.edited_points import outside_edit_mode
@@ -22,6 +21,7 @@ from ..result.refused import as_sentence
 from ..targets import checksums
 from ..targets.depsgraph import evaluated_depsgraph
 from ..targets.in_scenes import is_in
+from ..targets.mesh_attributes import read_attribute
 from ..targets.references import Reference
 from ..targets.vertex_groups import can_be_listed
 from . import running, strokes, undo_steps
@@ -446,9 +446,7 @@ def _points_of(result: bpy.types.Object | None) -> int | None:
     """Return a checksum of a result's points; None where they cannot be seen."""
     if result is None or result.type != "MESH" or result.mode == "EDIT" or "position" not in result.data.attributes:
         return None
-    position = np.empty(3 * len(result.data.vertices), np.float32)
-    result.data.attributes["position"].data.foreach_get("vector", position)
-    return zlib.crc32(position.tobytes())
+    return zlib.crc32(read_attribute(result.data, "position").tobytes())
 
 
 def _standing_of(result: bpy.types.Object) -> int:

@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeAlias
 import bpy
 
 from ..result.local_views import join_local_views
-from ..targets.in_scenes import is_in
+from ..targets.in_scenes import is_in, is_in_layer
 from ..targets.references import Reference
 
 __all__ = ["Kept", "NewResult"]
@@ -58,7 +58,7 @@ class _Shown(NamedTuple):
             return
         # Until then, what is new is not in the layer's list.
         layer.update()
-        if layer.objects.get(item.name) != item:
+        if not is_in_layer(layer, item):
             return
         item.hide_set(self.hidden, view_layer=layer)
         item.select_set(self.selected, view_layer=layer)
@@ -98,7 +98,7 @@ class NewResult:
         if scene.collection.objects.get(item.name) != item:
             # It was moved elsewhere, in a step.
             return
-        layers = [layer for layer in scene.view_layers if layer.objects.get(item.name) == item]
+        layers = [layer for layer in scene.view_layers if is_in_layer(layer, item)]
         self._now = (
             Kept.by(scatter),
             [

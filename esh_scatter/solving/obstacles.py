@@ -25,10 +25,10 @@ from ...engine.problem.validation import show
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ..densities.density_source import Known
 from ..densities.shapes import check_shapes, read_shapes, shape_objects
+from ..result.attributes import INSTANCE_INDEX
 from ..result.display import shown_objects
-from ..result.kept_ground import read_attribute
-from ..result.node_group import INSTANCE_INDEX
 from ..result.standing_now import LyingNow, lying_now, standing_now
+from ..targets.mesh_attributes import read_attribute
 from ..targets.target import is_result
 
 # Warp is not imported before something is computed.

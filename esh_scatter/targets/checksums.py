@@ -17,7 +17,8 @@ import numpy as np
 
 from .depsgraph import evaluated_depsgraph
 from .evaluated_mesh import evaluated_mesh
-from .target import origin_of, shown_collection, shown_members_of, world_matrix
+from .mesh_attributes import can_be_read, read_attribute
+from .target import INSTANCE_INDEX, ROTATION, SCALE, origin_of, shown_collection, shown_members_of, world_matrix
 from .vertex_groups import list_weights
 
 __all__ = [
@@ -53,18 +54,6 @@ _SUBDIVISION = ("levels", "subdivision_type", "quality", "use_limit_surface", "u
 # Other modifiers of which, beside the mesh, their settings say all that they do to its shape; and what has them look elsewhere.
 _PLAIN = ("ARRAY", "CAST", "DISPLACE", "MIRROR", "SIMPLE_DEFORM", "SOLIDIFY", "TRIANGULATE")
 _LOOKS_ELSEWHERE = ("UV", "CUSTOM_NORMAL")
-
-_FIELDS = {
-    "FLOAT": ("value", 1, np.float32),
-    "INT": ("value", 1, np.int32),
-    "INT8": ("value", 1, np.int32),
-    "BOOLEAN": ("value", 1, bool),
-    "FLOAT_VECTOR": ("vector", 3, np.float32),
-    "FLOAT2": ("vector", 2, np.float32),
-    "FLOAT_COLOR": ("color", 4, np.float32),
-    "BYTE_COLOR": ("color", 4, np.float32),
-    "QUATERNION": ("value", 4, np.float32),
-}
 
 
 class _Kept(NamedTuple):
@@ -313,15 +302,11 @@ def _values_number(mesh: bpy.types.Mesh, name: str) -> int:
         active = mesh.uv_layers.active
         name = active.name if active else ""
     attribute = mesh.attributes.get(name)
-    told = _FIELDS.get(attribute.data_type) if attribute is not None else None
-    if attribute is None or told is None:
+    if not can_be_read(attribute):
         return 0
-    field, width, dtype = told
-    values = np.empty(width * len(attribute.data), dtype)
-    attribute.data.foreach_get(field, values)
-    return zlib.crc32(f"{attribute.domain} {attribute.data_type}".encode(), _crc(values))
+    return zlib.crc32(f"{attribute.domain} {attribute.data_type}".encode(), _crc(read_attribute(mesh, name)))
 
 
 def _points_number(result: bpy.types.Object) -> int:
-    names = ("position", "rotation", "scale", "instance_index")
+    names = ("position", ROTATION, SCALE, INSTANCE_INDEX)
     return zlib.crc32(repr([pose_of(result), *(_values_number(result.data, name) for name in names)]).encode())

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from .depsgraph import evaluated_depsgraph
+from .mesh_attributes import read_attribute
 
 __all__ = ["evaluated_mesh", "in_world", "vertex_positions", "vertices_in_world"]
 
@@ -34,10 +35,8 @@ def vertices_in_world(mesh: bpy.types.Mesh, matrix: np.ndarray) -> np.ndarray:
 
 def vertex_positions(mesh: bpy.types.Mesh) -> np.ndarray:
     """Return where the vertices of a mesh that has some are, as it sees them itself, shape ``[n, 3]``, float32."""
-    # Read as an attribute, which is copied as a whole; vertices are asked one after the other.
-    position = np.empty((len(mesh.vertices), 3), np.float32)
-    mesh.attributes["position"].data.foreach_get("vector", position.ravel())
-    return position
+    # As an attribute, which is copied as a whole; vertices are asked one after the other.
+    return read_attribute(mesh, "position")
 
 
 def in_world(position: np.ndarray, matrix: np.ndarray) -> np.ndarray:

@@ -1,21 +1,31 @@
-"""Which scenes an object is in. Blender finds a name in a scene by going through all its objects; what is seen is found at once."""
+"""Which scenes and view layers an object is in. Blender goes through all objects to find a name; what is seen is found at once."""
 
 from __future__ import annotations
 
 import bpy
 
-__all__ = ["in_a_scene", "in_several_scenes", "is_in"]
+__all__ = ["in_a_scene", "in_several_scenes", "is_in", "is_in_layer"]
 
 
 def is_in(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:
     """Tell whether an object is in a scene, seen or not."""
-    context = bpy.context
-    # View layers of other scenes may be out of date, and would be brought up to date with the objects of this one.
-    if scene == context.scene and context.view_layer is not None:
-        layer = context.view_layer
-        if item.visible_get(view_layer=layer) or item.hide_get(view_layer=layer):
-            return True
-    found: bool = scene.objects.get(item.name) == item
+    found: bool = (scene == bpy.context.scene and _is_found_here(item)) or scene.objects.get(item.name) == item
+    return found
+
+
+def is_in_layer(layer: bpy.types.ViewLayer, item: bpy.types.Object) -> bool:
+    """Tell whether an object is in a view layer, hidden there or not."""
+    found: bool = (layer == bpy.context.view_layer and _is_found_here(item)) or layer.objects.get(item.name) == item
+    return found
+
+
+def _is_found_here(item: bpy.types.Object) -> bool:
+    """Tell whether the window's view layer shows an object, or hides it; it may be there all the same, hidden in another way.
+
+    View layers of other scenes may be out of date, and would be brought up to date with the objects of this one.
+    """
+    layer = bpy.context.view_layer
+    found: bool = layer is not None and (item.visible_get(view_layer=layer) or item.hide_get(view_layer=layer))
     return found
 
 

@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 
 from .evaluated_mesh import evaluated_mesh
+from .mesh_attributes import read_attribute
 
 __all__ = ["DIVIDES", "FURTHER", "Subdivision", "levels", "read_subdivision"]
 
@@ -163,14 +164,14 @@ def _divided(mesh: bpy.types.Mesh, level: int) -> Subdivision | None:
     edges, odd_edges = divmod(len(mesh.edges) - corners * parts * (parts - 1) // 2, parts)
     if odd or odd_edges or edges < 1 or len(mesh.loops) != 4 * faces:
         return None
-    along = _read(mesh, ".edge_verts", 2 * len(mesh.edges)).reshape(-1, 2)[: edges * parts].reshape(edges, parts, 2)
+    along = read_attribute(mesh, ".edge_verts")[: edges * parts].reshape(edges, parts, 2)
     vertices = int(along[0, 0, 1])
     expected = np.arange(vertices, vertices + edges * (parts - 1), dtype=np.int32).reshape(edges, parts - 1)
     ends = along[:, 0, 0], along[:, -1, 1]
     if (along[:, :-1, 1] != expected).any() or (along[:, 1:, 0] != expected).any() or np.max(ends) >= vertices:
         return None
     within_faces = vertices + edges * (parts - 1)
-    corner = np.ascontiguousarray(_read(mesh, ".corner_vert", len(mesh.loops)).reshape(-1, 4).T)
+    corner = np.ascontiguousarray(read_attribute(mesh, ".corner_vert").reshape(-1, 4).T)
     highest = corner.max(axis=0)
     corner[corner < within_faces] = len(mesh.vertices)
     lowest = corner.min(axis=0)
@@ -182,10 +183,3 @@ def _divided(mesh: bpy.types.Mesh, level: int) -> Subdivision | None:
         return None
     found = Subdivision(level, vertices, edges, sides.astype(np.int32))
     return found if found.vertices_at(level) == len(mesh.vertices) else None
-
-
-def _read(mesh: bpy.types.Mesh, name: str, count: int) -> np.ndarray:
-    """Return the values of an attribute of so many whole numbers."""
-    values = np.empty(count, np.int32)
-    mesh.attributes[name].data.foreach_get("value", values)
-    return values

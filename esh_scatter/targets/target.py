@@ -14,15 +14,23 @@ from ...engine.problem.validation import show
 from ...engine.surface.triangle_mesh import TriangleMesh
 from .depsgraph import evaluated_depsgraph
 from .evaluated_mesh import in_world, vertex_positions
+from .in_scenes import is_in_layer
+from .mesh_attributes import read_attribute
 from .mesh_triangles import corners_of_triangles
 from .vertex_groups import read_vertex_groups
 
 __all__ = [
+    "CORNERS",
     "DOMAINS",
+    "INSTANCE_INDEX",
     "NUMBERS",
     "RESULT_TAG",
     "RESULT_TARGET",
+    "ROTATION",
+    "SCALE",
+    "TARGET",
     "VECTOR",
+    "WEIGHTS",
     "check_exists",
     "check_target",
     "corners_of",
@@ -48,8 +56,12 @@ RESULT_TAG = "esh_scatter"
 RESULT_TARGET = "esh_scatter_target"
 # And that of a collection which holds an object with all that hangs on it: which object.
 FAMILY_OF = "esh_family_of"
-# What the points of every result have: properties alone are copied from anything to anything.
-_RESULT_ATTRIBUTES = {"instance_index": "INT", "rotation": "QUATERNION", "scale": "FLOAT_VECTOR"}
+# What the points of every result have, as properties alone are copied from anything to anything: which of its objects stands there,
+# and how it is turned and scaled.
+INSTANCE_INDEX, ROTATION, SCALE = "instance_index", "rotation", "scale"
+_RESULT_ATTRIBUTES = {INSTANCE_INDEX: "INT", ROTATION: "QUATERNION", SCALE: "FLOAT_VECTOR"}
+# And what ties them to a target: the vertices and weights of the triangle that each stands on, and which of several targets.
+CORNERS, WEIGHTS, TARGET = ("esh_vertex_0", "esh_vertex_1", "esh_vertex_2"), "esh_barycentric", "esh_target"
 
 VECTOR = "FLOAT_VECTOR"
 NUMBERS = {"FLOAT": 1, "INT": 1, "INT8": 1, "BOOLEAN": 1, "FLOAT_COLOR": 4, "BYTE_COLOR": 4}
@@ -176,7 +188,7 @@ def check_target(target: object, context: bpy.types.Context) -> bpy.types.Object
     if layer is not None:
         # What was linked since the last update is in the layer's list only after the next.
         layer.update()
-    if layer is None or layer.objects.get(target.name) != target:
+    if layer is None or not is_in_layer(layer, target):
         where = f'"{layer.name}" of scene "{context.scene.name}"' if layer else "of the scene"
         raise ProblemError(f"{name} must be in the view layer {where}; link it to a collection that is not excluded")
     if not is_shown_in(layer, target):
@@ -244,8 +256,7 @@ def _shows_instances(item: bpy.types.Object, context: bpy.types.Context) -> bool
 def read_triangles(mesh: bpy.types.Mesh, matrix: np.ndarray, name: str) -> TriangleMesh:
     """Read positions and triangles of ``mesh``, transformed by ``matrix`` ``[4, 4]``."""
     # As an attribute, which is copied as a whole; loops are asked one after the other.
-    vertex = np.empty(len(mesh.loops), np.int32)
-    mesh.attributes[".corner_vert"].data.foreach_get("value", vertex)
+    vertex = read_attribute(mesh, ".corner_vert")
     position = vertex_positions(mesh)
     corner, face = corners_of_triangles(mesh, position, vertex)
     return TriangleMesh(
@@ -262,7 +273,7 @@ def read_triangles(mesh: bpy.types.Mesh, matrix: np.ndarray, name: str) -> Trian
 
 def world_matrix(item: bpy.types.Object, context: bpy.types.Context) -> np.ndarray:
     """Return the object's matrix ``[4, 4]``, also where Blender does not keep it up to date (outside the view layer)."""
-    if context.view_layer.objects.get(item.name) == item:
+    if is_in_layer(context.view_layer, item):
         evaluated = item.evaluated_get(evaluated_depsgraph(context))
         if evaluated.is_evaluated:
             return np.array(evaluated.matrix_world)

@@ -18,7 +18,17 @@ from ...engine.surface.surface_points import SurfacePoints
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ...engine.surface.whole_surface import WholeSurface
 from .references import Reference
-from .target import check_exists, check_target, is_mirrored, is_result, is_shown_in, read_target
+from .target import (
+    CORNERS,
+    TARGET,
+    WEIGHTS,
+    check_exists,
+    check_target,
+    is_mirrored,
+    is_result,
+    is_shown_in,
+    read_target,
+)
 from .top import lacks_faces
 
 __all__ = ["Target", "Targets", "chart_of", "check_targets", "read_targets", "stuck_attributes"]
@@ -162,11 +172,11 @@ def stuck_attributes(points: SurfacePoints) -> dict[str, tuple[str, np.ndarray]]
     vertex = mesh.triangle[points.triangle] - mesh.first_vertex[target][:, None]
     found = {
         "esh_face": ("INT", face - mesh.first_face[target]),
-        "esh_barycentric": ("FLOAT_VECTOR", points.weight),
-        **{f"esh_vertex_{k}": ("INT", vertex[:, k]) for k in range(3)},
+        WEIGHTS: ("FLOAT_VECTOR", points.weight),
+        **{name: ("INT", vertex[:, k]) for k, name in enumerate(CORNERS)},
     }
     if len(mesh.first_face) > 1:
-        found["esh_target"] = ("INT", target)
+        found[TARGET] = ("INT", target)
     return found
 
 

@@ -5,8 +5,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter.result.kept_ground import read_attribute  # noqa: E402
 from esh.esh_scatter.solving import live  # noqa: E402
+from esh.esh_scatter.targets.mesh_attributes import read_attribute  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("empty_file")
 

@@ -9,7 +9,7 @@ bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
 from esh.engine.surface.instances import rotate  # noqa: E402
-from esh.esh_scatter.result import kept_ground  # noqa: E402
+from esh.esh_scatter.targets import mesh_attributes  # noqa: E402
 from mathutils import Euler  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("empty_file")
@@ -47,8 +47,8 @@ def wood(item, direction, count=150):
 
 def along(result, wanted):
     """|cos| between the objects' long axes and where they should lie, shape ``[n]``."""
-    place = kept_ground.read_attribute(result.data, "position").astype(float)
-    rotation = kept_ground.read_attribute(result.data, "rotation").astype(float)
+    place = mesh_attributes.read_attribute(result.data, "position").astype(float)
+    rotation = mesh_attributes.read_attribute(result.data, "rotation").astype(float)
     axis = rotate(rotation, np.broadcast_to([1.0, 0.0, 0.0], place.shape))
     way = wanted(place)
     return np.abs((axis * way).sum(axis=1)) / np.maximum(np.linalg.norm(way, axis=1), 1e-9)
@@ -102,7 +102,7 @@ def test_logs_lie_along_the_nearest_curve_on_a_wall(log):
     bpy.context.scene.collection.objects.link(pole)
     direction = esh.CurveDirection([rings, pole])
     made = esh.scatter(pillar, wood(log, direction), surface="whole", align_to_normal=1.0, **RUN)
-    place = kept_ground.read_attribute(made.object.data, "position")
+    place = mesh_attributes.read_attribute(made.object.data, "position")
     upright = along(made.object, lambda place: np.broadcast_to([0.0, 0.0, 1.0], place.shape))
     near = (place[:, 0] > 1.8) & (np.abs(place[:, 2]) < 1.5)
     assert near.sum() > 3 and np.median(upright[near]) > 0.97
@@ -116,7 +116,7 @@ def test_logs_lie_along_vectors_of_the_target_however_it_is_turned(ground, log, 
     ground.rotation_euler, ground.scale, ground.location = Euler((0.0, 0.0, 0.7)), (2.0, 1.0, 1.0), (5.0, 1.0, 0.0)
     made = esh.scatter(ground, wood(log, esh.AttributeDirection("flow")), **RUN)
     turn = np.array(ground.matrix_world.to_3x3())
-    place = kept_ground.read_attribute(made.object.data, "position").astype(float)
+    place = mesh_attributes.read_attribute(made.object.data, "position").astype(float)
     local = (place - np.array(ground.location)) @ np.linalg.inv(turn).T
     wanted = around(local) @ turn.T
     assert np.median(along(made.object, lambda _: wanted)) > 0.97
@@ -129,7 +129,7 @@ def test_logs_lie_along_vectors_of_several_targets_on_their_whole_surfaces(log):
         store(item, "flow", "POINT", around(centers(item.data, "POINT")))
     direction = esh.AttributeDirection("flow")
     made = esh.scatter([first, second], wood(log, direction), surface="whole", align_to_normal=1.0, **RUN)
-    place = kept_ground.read_attribute(made.object.data, "position")
+    place = mesh_attributes.read_attribute(made.object.data, "position")
     axis = np.array(second.matrix_world.to_3x3()) @ np.array([0.0, 0.0, 1.0])
     wanted = np.where(
         place[:, :1] > 5.0, np.cross(axis, place - np.array([10.0, 0.0, 0.0])), np.cross([0.0, 0.0, 1.0], place)

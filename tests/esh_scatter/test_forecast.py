@@ -12,7 +12,7 @@ bpy = pytest.importorskip("bpy")
 from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.editing import forecast  # noqa: E402
 from esh.esh_scatter.result import words  # noqa: E402
-from esh.esh_scatter.result.result import OVERLAPPING  # noqa: E402
+from esh.esh_scatter.result.attributes import OVERLAPPING  # noqa: E402
 from esh.esh_scatter.sidebar import panels  # noqa: E402
 from esh.esh_scatter.targets import checksums  # noqa: E402
 

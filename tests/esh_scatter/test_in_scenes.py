@@ -4,7 +4,7 @@ import time
 
 import bpy
 import pytest
-from esh.esh_scatter.targets.in_scenes import in_a_scene, in_several_scenes, is_in
+from esh.esh_scatter.targets.in_scenes import in_a_scene, in_several_scenes, is_in, is_in_layer
 
 
 @pytest.fixture
@@ -27,6 +27,8 @@ def test_what_is_in_the_scene_is_found_seen_or_not(item, how):
     layer.layer_collection.children["Things"].exclude = how == "excluded"
     layer.update()
     assert is_in(scene, item) and in_a_scene(item) and not in_several_scenes(item)
+    assert is_in_layer(layer, item) == (how != "excluded")
+    assert item.visible_get() == (how == "seen"), "also where it is in no view layer"
 
 
 def test_what_was_deleted_is_in_none(item):
@@ -41,6 +43,7 @@ def test_other_scenes_are_told_apart_also_before_they_were_updated(item):
     assert not is_in(other, item) and not in_several_scenes(item)
     other.collection.objects.link(item)
     assert is_in(other, item) and in_several_scenes(item)
+    assert is_in_layer(here.view_layers[0], item)
     bpy.data.collections["Things"].objects.unlink(item)
     assert not is_in(here, item) and in_a_scene(item) and not in_several_scenes(item)
     assert [one.name for one in here.objects] == [one.name for one in bpy.context.view_layer.objects]
@@ -61,4 +64,6 @@ def test_ten_thousand_other_objects_take_no_time(item):
             assert found()
         return time.perf_counter() - start
 
-    assert seconds(lambda: is_in(scene, last)) < 0.2 * seconds(lambda: scene.objects.get(last.name) == last)
+    by_name = seconds(lambda: scene.objects.get(last.name) == last)
+    assert seconds(lambda: is_in(scene, last)) < 0.2 * by_name
+    assert seconds(lambda: is_in_layer(bpy.context.view_layer, last)) < 0.2 * by_name

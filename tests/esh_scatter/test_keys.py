@@ -8,7 +8,7 @@ bpy = pytest.importorskip("bpy")
 from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.operators import keys  # noqa: E402
 from esh.esh_scatter.result import pins  # noqa: E402
-from esh.esh_scatter.result.kept_ground import read_attribute  # noqa: E402
+from esh.esh_scatter.targets.mesh_attributes import read_attribute  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("empty_file")
 

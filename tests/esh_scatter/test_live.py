@@ -11,10 +11,10 @@ bpy = pytest.importorskip("bpy")
 from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.result import pins  # noqa: E402
 from esh.esh_scatter.result.display import followed_targets, our_modifier  # noqa: E402
-from esh.esh_scatter.result.kept_ground import read_attribute  # noqa: E402
-from esh.esh_scatter.result.node_group import MADE_OF, placed_objects  # noqa: E402
+from esh.esh_scatter.result.node_group_contents import MADE_OF, placed_objects  # noqa: E402
 from esh.esh_scatter.result.result import is_copy  # noqa: E402
 from esh.esh_scatter.solving import followed_scatter, live, strokes  # noqa: E402
+from esh.esh_scatter.targets.mesh_attributes import read_attribute  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

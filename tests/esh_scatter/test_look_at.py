@@ -9,8 +9,8 @@ bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
 from esh.engine.surface.instances import rotate  # noqa: E402
-from esh.esh_scatter.result import kept_ground  # noqa: E402
 from esh.esh_scatter.solving import live  # noqa: E402
+from esh.esh_scatter.targets import mesh_attributes  # noqa: E402
 
 STAGE = (4.0, 30.0, 2.0)
 
@@ -37,8 +37,8 @@ def scatter():
 
 def past(result, point, front=(0.0, -1.0, 0.0)):
     """How far objects look past a point, seen from above [rad], shape ``[n]``."""
-    place = kept_ground.read_attribute(result.data, "position")
-    rotation = kept_ground.read_attribute(result.data, "rotation").astype(float)
+    place = mesh_attributes.read_attribute(result.data, "position")
+    rotation = mesh_attributes.read_attribute(result.data, "rotation").astype(float)
     looks = rotate(rotation, np.broadcast_to(np.array(front), (len(place), 3)))
     way = np.array(point[:2]) - place[:, :2]
     angle = np.arctan2(looks[:, 1], looks[:, 0]) - np.arctan2(way[:, 1], way[:, 0])
@@ -56,21 +56,21 @@ def test_a_class_looks_at_an_object_and_past_it_by_the_spread(scatter):
     chairs.look_at_spread = 0.5
     away = past(scatter.result, STAGE, (0, 1, 0))
     assert 0.4 < np.abs(away).max() <= 0.501 and not scatter.outdated
-    at_once = kept_ground.read_attribute(scatter.result.data, "rotation")
+    at_once = mesh_attributes.read_attribute(scatter.result.data, "rotation")
     bpy.ops.esh.scatter()
-    np.testing.assert_allclose(kept_ground.read_attribute(scatter.result.data, "rotation"), at_once, atol=1e-5)
+    np.testing.assert_allclose(mesh_attributes.read_attribute(scatter.result.data, "rotation"), at_once, atol=1e-5)
 
 
 def test_switched_on_and_off_nothing_is_solved(scatter):
     bpy.ops.esh.scatter()
-    before = {name: kept_ground.read_attribute(scatter.result.data, name) for name in ("rotation", "position")}
+    before = {name: mesh_attributes.read_attribute(scatter.result.data, name) for name in ("rotation", "position")}
     chairs = scatter.classes[0]
     chairs.use_look_at, chairs.look_at_point = True, (3.0, -40.0, 0.0)
     assert np.abs(past(scatter.result, (3.0, -40.0))).max() < 1e-3 and not scatter.outdated
     chairs.use_look_at = False
     assert not scatter.outdated
     for name, values in before.items():
-        np.testing.assert_array_equal(kept_ground.read_attribute(scatter.result.data, name), values, name)
+        np.testing.assert_array_equal(mesh_attributes.read_attribute(scatter.result.data, name), values, name)
 
 
 def test_what_is_looked_at_is_followed_when_it_moves(scatter):
@@ -92,14 +92,14 @@ def test_live_turns_them_without_solving(scatter, follow):
     try:
         follow()
         (one,) = live._followed.values()
-        place = kept_ground.read_attribute(scatter.result.data, "position")
+        place = mesh_attributes.read_attribute(scatter.result.data, "position")
         stage.location = (-50.0, 0.0, 0.0)
         bpy.context.view_layer.update()
         one._looked = 0.0
         live._tick()
         assert not one.busy, "there is nothing to solve"
         assert np.abs(past(scatter.result, (-50.0, 0.0))).max() < 1e-3 and not scatter.outdated
-        np.testing.assert_array_equal(kept_ground.read_attribute(scatter.result.data, "position"), place)
+        np.testing.assert_array_equal(mesh_attributes.read_attribute(scatter.result.data, "position"), place)
     finally:
         scatter.live = False
         live._tick()
@@ -118,13 +118,13 @@ def test_outlines_are_solved_anew_and_pinned_ones_keep_their_turn(scatter):
     assert not scatter.outdated and np.abs(past(scatter.result, STAGE)).max() < 0.04
     scatter.result.data.vertices.foreach_set("select", [number < 5 for number in range(80)])
     bpy.ops.esh.instances_pin()
-    pinned = kept_ground.read_attribute(scatter.result.data, "id")[:5]
-    before = kept_ground.read_attribute(scatter.result.data, "rotation")[:5]
+    pinned = mesh_attributes.read_attribute(scatter.result.data, "id")[:5]
+    before = mesh_attributes.read_attribute(scatter.result.data, "rotation")[:5]
     chairs.look_at_front = "POSITIVE_X"
     bpy.ops.esh.scatter()
-    row = {number: k for k, number in enumerate(kept_ground.read_attribute(scatter.result.data, "id").tolist())}
+    row = {number: k for k, number in enumerate(mesh_attributes.read_attribute(scatter.result.data, "id").tolist())}
     rows = [row[number] for number in pinned.tolist()]
-    after = kept_ground.read_attribute(scatter.result.data, "rotation")[rows]
+    after = mesh_attributes.read_attribute(scatter.result.data, "rotation")[rows]
     np.testing.assert_allclose(np.abs((before * after).sum(axis=1)), 1.0, atol=1e-5)
     others = np.setdiff1d(np.arange(80), rows)
     assert np.abs(past(scatter.result, STAGE, (1, 0, 0))[others]).max() < 0.04

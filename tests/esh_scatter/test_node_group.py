@@ -6,18 +6,9 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter.classes.node_tree import parts_of, remove_group  # noqa: E402
-from esh.esh_scatter.result.node_group import (  # noqa: E402
-    INSTANCE_INDEX,
-    ROTATION,
-    SCALE,
-    Finer,
-    Followed,
-    Rest,
-    build_node_group,
-    followed_in,
-    made_of,
-    placed_objects,
-)
+from esh.esh_scatter.result.attributes import INSTANCE_INDEX, ROTATION, SCALE  # noqa: E402
+from esh.esh_scatter.result.node_group import build_node_group  # noqa: E402
+from esh.esh_scatter.result.node_group_contents import Finer, Followed, Rest, followed_in, made_of, placed_objects  # noqa: E402
 from esh.esh_scatter.targets.target import RESULT_TAG  # noqa: E402
 from mathutils import Matrix, Quaternion  # noqa: E402
 

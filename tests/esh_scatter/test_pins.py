@@ -10,8 +10,8 @@ bpy = pytest.importorskip("bpy")
 from esh import ScatterClass, ScatterSize, scatter  # noqa: E402
 from esh.esh_scatter.operators.run_operator import before_a_run  # noqa: E402
 from esh.esh_scatter.result import pins, points_in_front  # noqa: E402
-from esh.esh_scatter.result.kept_ground import read_attribute, write_attribute  # noqa: E402
 from esh.esh_scatter.solving import live  # noqa: E402
+from esh.esh_scatter.targets.mesh_attributes import read_attribute, write_attribute  # noqa: E402
 
 OPTIONS = {"device": "cpu", "max_steps": 20}
 

@@ -11,8 +11,8 @@ from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.operators.run_operator import before_a_run  # noqa: E402
 from esh.esh_scatter.result import real_objects  # noqa: E402
 from esh.esh_scatter.result.display import get_inputs, our_modifier, set_inputs  # noqa: E402
-from esh.esh_scatter.result.kept_ground import read_attribute  # noqa: E402
 from esh.esh_scatter.solving import live  # noqa: E402
+from esh.esh_scatter.targets.mesh_attributes import read_attribute  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
 

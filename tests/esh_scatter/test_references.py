@@ -6,7 +6,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter.api import EshError, ScatterClass, ScatterJob, ScatterSize, scatter  # noqa: E402
-from esh.esh_scatter.result.node_group import placed_objects  # noqa: E402
+from esh.esh_scatter.result.node_group_contents import placed_objects  # noqa: E402
 from esh.esh_scatter.result.result import find_result  # noqa: E402
 from esh.esh_scatter.targets.references import Reference  # noqa: E402
 from esh.esh_scatter.targets.target import RESULT_TAG, RESULT_TARGET, is_result  # noqa: E402

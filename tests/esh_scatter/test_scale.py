@@ -7,7 +7,7 @@ bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
 from esh.esh_scatter.properties.amount_ahead import bodies_ahead  # noqa: E402
-from esh.esh_scatter.result.kept_ground import read_attribute  # noqa: E402
+from esh.esh_scatter.targets.mesh_attributes import read_attribute  # noqa: E402
 
 
 def box(name, width, depth, height):

@@ -12,6 +12,7 @@ import esh  # noqa: E402
 from esh.engine.surface.instances import body_rotations, rotate  # noqa: E402
 from esh.esh_scatter.classes.standing import Ground, stand  # noqa: E402
 from esh.esh_scatter.result import kept_ground  # noqa: E402
+from esh.esh_scatter.targets import mesh_attributes  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
 UP = np.array([[0.0, 0.0, 1.0]])
@@ -121,7 +122,7 @@ NAMES = ("position", "rotation", "scale", "lift", "class_color")
 
 
 def values(item):
-    return {name: kept_ground.read_attribute(item.data, name) for name in NAMES}
+    return {name: mesh_attributes.read_attribute(item.data, name) for name in NAMES}
 
 
 @pytest.mark.parametrize("number", [0, 1])
@@ -134,7 +135,7 @@ def test_changed_at_once_a_class_stands_as_after_another_run(scatter, number):
     body_class.random_turn, body_class.scale_jitter = 1.0, 0.25
     assert not scatter.outdated, "it needs no solving"
     at_once = values(scatter.result)
-    own = kept_ground.read_attribute(scatter.result.data, "class_index") == number
+    own = mesh_attributes.read_attribute(scatter.result.data, "class_index") == number
     for name in ("position", "rotation", "scale", "lift"):
         assert not np.allclose(at_once[name][own], before[name][own]), name
         np.testing.assert_array_equal(at_once[name][~own], before[name][~own], name)
@@ -151,7 +152,7 @@ def test_objects_whose_origin_is_in_their_middle_stand_on_their_lowest_point(sca
     scatter.avoid_overlap, tree.scale = avoid_overlap, 1.5
     bpy.ops.esh.scatter()
     mesh = scatter.result.data
-    own = kept_ground.read_attribute(mesh, "class_index") == 0
+    own = mesh_attributes.read_attribute(mesh, "class_index") == 0
     before = values(scatter.result)
     tree.stand_on = "LOWEST"
     assert not scatter.outdated, "it needs no solving"
@@ -172,7 +173,7 @@ def test_another_object_at_the_same_points_stands_on_its_own_lowest_point(scatte
     other.data.transform(Matrix.Translation((0.0, 0.0, -0.5)))
     tree.stand_on = "LOWEST"
     bpy.ops.esh.scatter()
-    own = kept_ground.read_attribute(scatter.result.data, "class_index") == 0
+    own = mesh_attributes.read_attribute(scatter.result.data, "class_index") == 0
     before = values(scatter.result)
     tree.sizes[0].source_object = other
     assert not scatter.outdated
@@ -231,11 +232,11 @@ def test_discs_of_a_given_area_are_turned_without_another_run(scatter, ground, s
         if name in solved_for:
             setattr(tree, name, as_it_was)
     assert not scatter.outdated
-    at_once, places = values(scatter.result), kept_ground.read_attribute(mesh, "placed_at")
+    at_once, places = values(scatter.result), mesh_attributes.read_attribute(mesh, "placed_at")
     assert not np.allclose(at_once["rotation"], before["rotation"])
     bpy.ops.esh.scatter()
     again = values(scatter.result)
-    np.testing.assert_array_equal(kept_ground.read_attribute(scatter.result.data, "placed_at"), places)
+    np.testing.assert_array_equal(mesh_attributes.read_attribute(scatter.result.data, "placed_at"), places)
     for name in NAMES:
         np.testing.assert_allclose(at_once[name], again[name], atol=2e-6, err_msg=name)
     tree.scale_jitter = 0.25
@@ -258,12 +259,12 @@ def test_points_that_were_moved_by_hand_stay_where_they_were_put(scatter):
 
     def place():
         # Of the object's middle: its origin is at a corner, which sinks or rises where the object leans less.
-        return kept_ground.read_attribute(mesh, "position")[0] - kept_ground.read_attribute(mesh, "lift")[0]
+        return mesh_attributes.read_attribute(mesh, "position")[0] - mesh_attributes.read_attribute(mesh, "lift")[0]
 
-    before, turned = place(), kept_ground.read_attribute(mesh, "rotation")[0]
+    before, turned = place(), mesh_attributes.read_attribute(mesh, "rotation")[0]
     scatter.classes[0].align_to_normal = 0.5
     assert place() == pytest.approx(before, abs=1e-5)
-    assert kept_ground.read_attribute(mesh, "rotation")[0] != pytest.approx(turned)
+    assert mesh_attributes.read_attribute(mesh, "rotation")[0] != pytest.approx(turned)
 
 
 def test_color_eye_and_camera_of_a_class_are_changed_at_once(scatter):
@@ -276,7 +277,9 @@ def test_color_eye_and_camera_of_a_class_are_changed_at_once(scatter):
     assert shown() == 20
     scatter.classes[1].show_render = False
     assert shown() == 20, "renders are another matter"
-    kept = {name: kept_ground.read_attribute(scatter.result.data, name) for name in ("hide_viewport", "hide_render")}
+    kept = {
+        name: mesh_attributes.read_attribute(scatter.result.data, name) for name in ("hide_viewport", "hide_render")
+    }
     assert (kept["hide_viewport"].sum(), kept["hide_render"].sum()) == (40, 20)
     bpy.ops.esh.scatter()
     assert shown() == 20, "the next run leaves it hidden"
@@ -294,7 +297,7 @@ def test_classes_that_were_moved_or_added_since_do_not_take_the_points_of_others
     assert values(scatter.result)["rotation"].tobytes() == before["rotation"].tobytes()
     scatter.classes.move(0, 2)
     scatter.classes[2].offset = 1.0
-    own = kept_ground.read_attribute(scatter.result.data, "class_index") == 0
+    own = mesh_attributes.read_attribute(scatter.result.data, "class_index") == 0
     moved = np.abs(values(scatter.result)["lift"] - before["lift"]).max(axis=1) > 0.1
     np.testing.assert_array_equal(moved, own)
 
@@ -309,8 +312,8 @@ def test_a_hundred_thousand_are_turned_in_a_moment(scatter):
     kinds |= {"rotation": ("QUATERNION", np.zeros((count, 4))), "scale": ("FLOAT_VECTOR", np.ones((count, 3)))}
     for name, (kind, _) in kinds.items():
         mesh.attributes.new(name, kind, "POINT")
-    for name, (kind, given) in kinds.items():
-        kept_ground.write_attribute(mesh, name, np.asarray(given, kept_ground._FIELDS[kind][2]))
+    for name, (_, given) in kinds.items():
+        mesh_attributes.write_attribute(mesh, name, given)
     mesh[kept_ground.SEED] = 0
     item = bpy.data.objects.new("Many", mesh)
     assert kept_ground.can_stand_anew(item)

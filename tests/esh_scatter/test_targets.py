@@ -264,7 +264,7 @@ def test_a_scaled_and_parented_pair_and_a_mirrored_one():
 
 @pytest.mark.parametrize("scale", [(-1.0, 1.2, 1.0), (1.0, -0.8, 1.0), (-1.0, -1.0, 1.0)])
 def test_normals_of_a_mirrored_terrain_look_up(scale):
-    from esh.esh_scatter.result.kept_ground import NORMAL
+    from esh.esh_scatter.result.attributes import NORMAL
 
     terrain = added("grid", size=10.0, x_subdivisions=12, y_subdivisions=12)
     for vertex in terrain.data.vertices:

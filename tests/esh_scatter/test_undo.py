@@ -8,7 +8,7 @@ bpy = pytest.importorskip("bpy")
 from esh.esh_scatter import operators  # noqa: E402
 from esh.esh_scatter.editing import assets, preset_library  # noqa: E402
 from esh.esh_scatter.editing.preset_files import built_in_presets  # noqa: E402
-from esh.esh_scatter.result import kept_ground  # noqa: E402
+from esh.esh_scatter.targets import mesh_attributes  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("empty_file")
 
@@ -99,9 +99,9 @@ def state():
             known = [
                 a
                 for a in item.data.attributes
-                if a.domain == "POINT" and a.data_type in kept_ground._FIELDS and not a.name.startswith(".select")
+                if a.domain == "POINT" and mesh_attributes.can_be_read(a) and not a.name.startswith(".select")
             ]
-            values = {a.name: kept_ground.read_attribute(item.data, a.name).tobytes() for a in known}
+            values = {a.name: mesh_attributes.read_attribute(item.data, a.name).tobytes() for a in known}
             points[item.name] = (values, [m.name for m in item.modifiers], item.hide_get(), item.mode)
     return {"settings": values_of(scene.esh_scatter), "objects": points}
 
@@ -250,8 +250,8 @@ def test_a_button_is_undone_and_redone(scene, name, tmp_path):
 def test_saved_read_and_run_again_the_points_have_the_same_bytes(scene, tmp_path):
     def points():
         mesh = active().result.data
-        known = [a for a in mesh.attributes if a.domain == "POINT" and a.data_type in kept_ground._FIELDS]
-        return {a.name: kept_ground.read_attribute(mesh, a.name).tobytes() for a in known}
+        known = [a for a in mesh.attributes if a.domain == "POINT" and mesh_attributes.can_be_read(a)]
+        return {a.name: mesh_attributes.read_attribute(mesh, a.name).tobytes() for a in known}
 
     before, path = points(), str(tmp_path / "scene.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)

@@ -9,9 +9,10 @@ bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
 from esh.esh_scatter.classes.object_outline import measure_footprint  # noqa: E402
-from esh.esh_scatter.result import kept_ground, pins  # noqa: E402
-from esh.esh_scatter.result.node_group import placing_inputs  # noqa: E402
+from esh.esh_scatter.result import pins  # noqa: E402
+from esh.esh_scatter.result.node_group_contents import placing_inputs  # noqa: E402
 from esh.esh_scatter.solving import live  # noqa: E402
+from esh.esh_scatter.targets import mesh_attributes  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("empty_file")
 
@@ -160,13 +161,13 @@ def scattered():
 def shown(scatter):
     """Which object stands on every point, by name, in the order of the points."""
     inputs = placing_inputs(scatter.result)
-    index = kept_ground.read_attribute(scatter.result.data, "instance_index")
+    index = mesh_attributes.read_attribute(scatter.result.data, "instance_index")
     return np.array([inputs[number].default_value.name for number in index.tolist()])
 
 
 def places(scatter):
     return {
-        name: kept_ground.read_attribute(scatter.result.data, name).tobytes()
+        name: mesh_attributes.read_attribute(scatter.result.data, name).tobytes()
         for name in ("position", "rotation", "scale", "id")
     }
 
@@ -210,7 +211,7 @@ def test_pinned_objects_stay_what_they_are(scattered):
     before = shown(scattered)
     pins.pin(scattered.result.data, np.arange(20))
     bpy.ops.esh.scatter()
-    pinned = kept_ground.read_attribute(scattered.result.data, "pinned")
+    pinned = mesh_attributes.read_attribute(scattered.result.data, "pinned")
     before = shown(scattered)
     scattered.classes[0].sizes[0].variants[0].weight = 0.0
     now = shown(scattered)
@@ -262,10 +263,10 @@ def test_live_goes_on_with_what_was_chosen_at_once(scattered, follow):
     follow()
     assert places(scattered) == where and not scattered.outdated and "White" not in now
     np.testing.assert_array_equal(shown(scattered), now)
-    numbers = dict(zip(kept_ground.read_attribute(scattered.result.data, "id").tolist(), now, strict=True))
+    numbers = dict(zip(mesh_attributes.read_attribute(scattered.result.data, "id").tolist(), now, strict=True))
     scattered.classes[1].sizes[0].count = 155
     follow()
-    after = zip(kept_ground.read_attribute(scattered.result.data, "id").tolist(), shown(scattered), strict=True)
+    after = zip(mesh_attributes.read_attribute(scattered.result.data, "id").tolist(), shown(scattered), strict=True)
     assert all(numbers.get(number, name) == name for number, name in after)
     assert len(scattered.result.data.vertices) == 305 and not scattered.outdated
     # And with what is chosen while it is being solved.
@@ -293,8 +294,10 @@ def test_a_hundred_thousand_get_other_variants_in_a_moment(scattered):
         if attribute.name != "position":
             mesh.attributes.new(attribute.name, attribute.data_type, "POINT")
     for attribute in result.attributes:
-        kept_ground.write_attribute(mesh, attribute.name, kept_ground.read_attribute(result, attribute.name)[own])
-    kept_ground.write_attribute(mesh, "id", np.arange(count, dtype=np.int32))
+        mesh_attributes.write_attribute(
+            mesh, attribute.name, mesh_attributes.read_attribute(result, attribute.name)[own]
+        )
+    mesh_attributes.write_attribute(mesh, "id", np.arange(count, dtype=np.int32))
     for name, value in result.items():
         mesh[name] = value
     scattered.result.data = mesh
