@@ -1,4 +1,4 @@
-"""Kernels that sum numbers of many bodies up, block by block.
+"""Kernels that find the least and the largest of many numbers, and their sums, block by block.
 
 A block is a stretch of the table, which one element goes through in its order. So results depend on no number of threads, and the host
 gets a number for every block instead of every body.
@@ -62,6 +62,24 @@ def count_digits(
 
 
 @wp.kernel
+def find_extremes(
+    first: int,
+    values: wp.array(dtype=float),
+    block: int,
+    # outputs
+    extremes: wp.array(dtype=wp.vec2),
+):
+    """Least and largest of every block."""
+    b = first + wp.tid()
+    least = float(wp.inf)
+    most = float(-wp.inf)
+    for i in range(b * block, wp.min((b + 1) * block, values.shape[0])):
+        least = wp.min(least, values[i])
+        most = wp.max(most, values[i])
+    extremes[b] = wp.vec2(least, most)
+
+
+@wp.kernel
 def find_most(
     first: int,
     values: wp.array(dtype=wp.float64),
@@ -77,6 +95,26 @@ def find_most(
         own[k] = wp.float64(0.0)
     for i in range(b * block, wp.min((b + 1) * block, values.shape[0])):
         own[kind[i]] = wp.max(own[kind[i]], values[i])
+
+
+@wp.kernel
+def find_largest_of_rows(
+    first: int,
+    values: wp.array(dtype=float),
+    count: int,
+    at_once: int,
+    parts: int,
+    # outputs
+    largest: wp.array(dtype=float),
+):
+    """The largest of ``at_once`` values, or 0; rows of ``count`` values, and of ``parts`` results, lie one after the other."""
+    i = first + wp.tid()
+    row = i / parts
+    begin = i % parts * at_once
+    most = float(0.0)
+    for k in range(begin, wp.min(begin + at_once, count)):
+        most = wp.max(most, values[row * count + k])
+    largest[i] = most
 
 
 @wp.kernel

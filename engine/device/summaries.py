@@ -8,12 +8,22 @@ import warp as wp
 from . import kernels_summaries
 from .launcher import Launcher
 
-__all__ = ["largest_by_kind", "least_and_number", "median_of_least", "sum_of_squares", "sum_of_whole"]
+__all__ = [
+    "extremes",
+    "largest_by_kind",
+    "largest_of_rows",
+    "least_and_number",
+    "median_of_least",
+    "sum_of_squares",
+    "sum_of_whole",
+]
 
 # So many numbers are fetched and looked at here, which is done sooner than to have a device look.
 FEW = 1 << 15
 # Numbers that one element goes through: enough for a thread of the CPU; a GPU has many more elements at once.
 BLOCK_ON_CPU, BLOCK_ON_GPU = 4096, 128
+# The same of rows that the host does not see, on either.
+BLOCK_OF_ROW = 256
 
 
 def least_and_number(launcher: Launcher, values: wp.array, limit: float) -> tuple[float, int]:
@@ -22,6 +32,15 @@ def least_and_number(launcher: Launcher, values: wp.array, limit: float) -> tupl
         here = values.numpy()
         return float(here.min()), int(np.count_nonzero(here < limit))
     return _least_and_number(launcher, values, -np.inf, limit)
+
+
+def extremes(launcher: Launcher, values: wp.array) -> tuple[float, float]:
+    """Return the least and the largest of some floats, at least one and none of them NaN."""
+    blocks, block = _blocks(launcher, len(values))
+    found = launcher.empty(blocks, wp.vec2)
+    launcher.launch(kernels_summaries.find_extremes, blocks, [values, block], [found], grain=1)
+    of_blocks = found.numpy()
+    return float(of_blocks[:, 0].min()), float(of_blocks[:, 1].max())
 
 
 def median_of_least(launcher: Launcher, values: wp.array, number: int) -> float:
@@ -45,6 +64,19 @@ def largest_by_kind(launcher: Launcher, values: wp.array, kind: wp.array, kinds:
     most = launcher.empty((blocks, kinds), wp.float64)
     launcher.launch(kernels_summaries.find_most, blocks, [values, kind, block], [most], grain=1)
     return most.numpy().max(axis=0)
+
+
+def largest_of_rows(launcher: Launcher, values: wp.array, rows: int) -> wp.array:
+    """Return the largest of the floats of every row, shape ``[rows]``, on the device; 0 where none is above."""
+    count = len(values) // rows
+    parts = -(-count // BLOCK_OF_ROW)
+    of_parts, of_rows = launcher.empty(rows * parts, float), launcher.empty(rows, float)
+    for given, many, block, found in ((values, count, BLOCK_OF_ROW, of_parts), (of_parts, parts, parts, of_rows)):
+        each = len(found) // rows
+        launcher.launch(
+            kernels_summaries.find_largest_of_rows, len(found), [given, many, block, each], [found], grain=1
+        )
+    return of_rows
 
 
 def sum_of_whole(launcher: Launcher, values: wp.array) -> int:

@@ -20,8 +20,8 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from ..device.extremes import extremes
 from ..device.launcher import Launcher
+from ..device.summaries import extremes
 from ..space.mesh_layout import MeshLayout
 from ..space.target_deposit import deposit_images, mix_images
 from . import kernels_blur

@@ -10,11 +10,9 @@ from .kernels_blur import level_of
 from .kernels_splines import potential_gradients
 
 __all__ = [
-    "BLOCKS_AT_ONCE",
     "BLOCK_OF_NODES",
     "Correction",
     "correction_at",
-    "find_largest",
     "find_ranges",
     "mark_acting",
 ]
@@ -23,8 +21,6 @@ wp.set_module_options({"enable_backward": False})
 
 # Nodes along a block, of which it is known whether the correction acts there.
 BLOCK_OF_NODES = wp.constant(8)
-# Blocks of which one element finds the largest potential.
-BLOCKS_AT_ONCE = wp.constant(256)
 # Potentials that differ by less than this share of the largest one are flat: the transforms round by a fifth of it. Bodies would
 # not move by more than 1e-5 of their spacing for it.
 FLAT = wp.constant(3e-6)
@@ -113,26 +109,6 @@ def find_ranges(
         difference = wp.max(difference, high - low)
         most = wp.max(most, wp.max(wp.abs(low), wp.abs(high)))
     spread[i] = difference
-    largest[i] = most
-
-
-@wp.kernel
-def find_largest(
-    first: int,
-    values: wp.array(dtype=float),
-    count: int,
-    at_once: int,
-    parts: int,
-    # outputs
-    largest: wp.array(dtype=float),
-):
-    """The largest of ``at_once`` values; rows of ``count`` values, and of ``parts`` results, lie one after the other."""
-    i = first + wp.tid()
-    row = i / parts
-    begin = i % parts * at_once
-    most = float(0.0)
-    for k in range(begin, wp.min(begin + at_once, count)):
-        most = wp.max(most, values[row * count + k])
     largest[i] = most
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..device.summaries import largest_of_rows
 from ..space.space import Space
 from ..space.target_deposit import deposit_images, mix_images
 from . import kernels_correction
@@ -130,13 +131,7 @@ class TargetCorrection:
             [spread, largest],
             grain=GRAIN_OF_NEIGHBORS,
         )
-        # The host need not see them.
-        at_once = int(kernels_correction.BLOCKS_AT_ONCE)
-        parts = -(-blocks // at_once)
-        of_parts, of_row = launcher.empty(rows * parts, float), launcher.empty(rows, float)
-        for given, count, many, found in ((largest, blocks, at_once, of_parts), (of_parts, parts, parts, of_row)):
-            each = len(found) // rows
-            launcher.launch(kernels_correction.find_largest, len(found), [given, count, many, each], [found], grain=1)
+        of_row = largest_of_rows(launcher, largest, rows)
         acts = launcher.empty(rows * blocks, wp.uint8)
         launcher.launch(kernels_correction.mark_acting, rows * blocks, [spread, blocks, of_row], [acts])
         return acts

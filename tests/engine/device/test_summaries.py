@@ -10,7 +10,11 @@ import warp as wp
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.device.summaries import (
+    BLOCK_OF_ROW,
+    BLOCK_ON_CPU,
+    extremes,
     largest_by_kind,
+    largest_of_rows,
     least_and_number,
     median_of_least,
     sum_of_squares,
@@ -52,6 +56,20 @@ def test_least_and_how_many_are_below_a_limit(launcher):
     least, number = least_and_number(launcher, floats(launcher, values), 0.9)
     assert least == float(values.min()) and number == int((values < np.float32(0.9)).sum())
     assert least_and_number(launcher, floats(launcher, values), 0.1)[1] == 0
+
+
+@pytest.mark.parametrize("count", [1, 2, 255, BLOCK_ON_CPU, 3 * BLOCK_ON_CPU + 1])
+def test_extremes_are_those_of_all_blocks(launcher, count):
+    for seed in range(5):
+        values = np.random.default_rng([seed, count]).normal(size=count).astype(np.float32)
+        assert extremes(launcher, floats(launcher, values)) == (values.min(), values.max())
+
+
+@pytest.mark.parametrize("count", [1, BLOCK_OF_ROW, 3 * BLOCK_OF_ROW + 1])
+def test_largest_of_rows(launcher, count):
+    values = np.random.default_rng(count).normal(1.0, 1.0, (3, count)).astype(np.float32)
+    found = largest_of_rows(launcher, floats(launcher, values.ravel()), 3).numpy()
+    assert found.tolist() == values.max(axis=1, initial=0.0).tolist()
 
 
 def test_sum_of_squares(launcher):
