@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import ProblemError, Reason, Refusal
-from .clumps_at_large import as_dense_at_large, memory_at_large
+from .clumps_at_large import Grid, as_dense_at_large, memory_at_large
 from .domain import Domain
 from .machine_memory import format_bytes, machine_memory
 from .prepared_class import PreparedClass
@@ -85,11 +85,12 @@ def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int
     times = [n // own for n, own in zip(shape, image.shape, strict=True)]
     fine = np.repeat(np.repeat(image.astype(np.float64), times[0], axis=0), times[1], axis=1)
     factor = _factor(shape, size, domain, body_class.clustering, np.random.default_rng([seed, 8, index]))
-    pixel = (domain.size[1] / shape[0], domain.size[0] / shape[1])
-    pushed_out = pushed_out_at(regularity) / max(body_class.body_count, 1) * float(fine.sum()) * pixel[0] * pixel[1]
+    grid = _grid(domain, shape)
+    height, width = grid.pixel
+    pushed_out = pushed_out_at(regularity) / max(body_class.body_count, 1) * float(fine.sum()) * height * width
     factor *= fine
-    share = share_at_large(fine, pixel, size)
-    clumped = as_dense_at_large(fine, factor, WAVELENGTH * size, pixel, domain.periodic, share, pushed_out)
+    share = share_at_large(fine, grid.pixel, size)
+    clumped = as_dense_at_large(fine, factor, grid, WAVELENGTH * size, share, pushed_out)
     return replace(body_class, density_image=clumped.astype(np.float32))
 
 
@@ -160,8 +161,7 @@ def memory_of_clumps(shape: Sequence[int], size: float, domain: Domain) -> int:
         size: Their diameter [m].
         domain: Where.
     """
-    pixel = [length / n for length, n in zip(domain.size[::-1], shape, strict=True)]
-    at_large = memory_at_large(shape, pixel, WAVELENGTH * size, domain.periodic)
+    at_large = memory_at_large(shape, _grid(domain, shape), WAVELENGTH * size)
     return BYTES_PER_PIXEL_OF_CLUMPS * shape[0] * shape[1] + at_large
 
 
@@ -170,26 +170,28 @@ def _factor(
 ) -> np.ndarray:
     """What a density is multiplied by at an image's pixels: clumps, and nothing of longer waves."""
     count = [_length_of_transform(math.ceil(PIXELS_PER_CLUMP * length / size)) for length in domain.size[::-1]]
-    pixel = [length / many for length, many in zip(domain.size[::-1], count, strict=True)]
-    factor = clump_factor(random.standard_normal(count), pixel, size, domain.periodic, clustering, measured=True)
+    factor = clump_factor(random.standard_normal(count), _grid(domain, count), size, clustering, measured=True)
     return stretched(stretched(factor, shape[0], domain.periodic).T, shape[1], domain.periodic).T
 
 
-def clump_factor(
-    noise: np.ndarray, pixel: Sequence[float], size: float, wraps: bool, clustering: float, *, measured: bool
-) -> np.ndarray:
+def _grid(domain: Domain, shape: Sequence[int]) -> Grid:
+    """What the pixels of an image of a shape are that lies over a domain."""
+    return Grid([length / many for length, many in zip(domain.size[::-1], shape, strict=True)], domain.periodic)
+
+
+def clump_factor(noise: np.ndarray, grid: Grid, size: float, clustering: float, *, measured: bool) -> np.ndarray:
     """Return what a density is multiplied by so that it has clumps, shape ``[height, width]``.
 
     Args:
         noise: Random numbers of which none depends on another, of mean 0 and standard deviation 1, of that shape.
-        pixel: Height and width of pixels [m].
+        grid: What the pixels are.
         size: Diameter of a clump [m].
-        wraps: Whether opposite edges are joined.
         clustering: How strong clumps are.
         measured: Whether the strength of these waves, and the mean of what comes of them, are measured; otherwise they are what
             they are on average, so that parts of a larger field agree.
     """
     rows, columns = noise.shape
+    pixel, wraps = grid
     if wraps:
         wave = np.hypot(np.fft.fftfreq(rows, pixel[0])[:, None], np.fft.rfftfreq(columns, pixel[1])[None, :])
     else:

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from .wave_filter import fast_length, linear_places, stretched
 
-__all__ = ["as_dense_at_large", "memory_at_large"]
+__all__ = ["Grid", "as_dense_at_large", "memory_at_large"]
 
 # Width of the Gaussian by which densities are compared, in wavelengths of clumps; and nodes along it. Sums at these are off by what is
 # as short as two nodes, of which B-splines leave next to nothing: with 7 errors are the same.
@@ -42,14 +43,20 @@ OFFSETS = 2 * BESIDE + 1
 BYTES_PER_PIXEL, BYTES_PER_NODE, BYTES_PER_PADDED = 50, 150, 60
 
 
+class Grid(NamedTuple):
+    """What an image's pixels are.
+
+    Attributes:
+        pixel: Their height and width [m].
+        wraps: Whether opposite edges of the image are joined.
+    """
+
+    pixel: Sequence[float]
+    wraps: bool
+
+
 def as_dense_at_large(
-    asked: np.ndarray,
-    clumped: np.ndarray,
-    wavelength: float,
-    pixel: Sequence[float],
-    wraps: bool,
-    share: float,
-    pushed_out: float,
+    asked: np.ndarray, clumped: np.ndarray, grid: Grid, wavelength: float, share: float, pushed_out: float
 ) -> np.ndarray:
     """A density with clumps, made so that its bodies will be as dense as the one that was asked for, blurred over several clumps.
 
@@ -58,9 +65,8 @@ def as_dense_at_large(
     Args:
         asked: The density without clumps, shape ``[height, width]``.
         clumped: That with them.
+        grid: What their pixels are.
         wavelength: Of the clumps: twice their diameter [m].
-        pixel: Height and width of pixels [m].
-        wraps: Whether opposite edges are joined.
         share: How much of it is done, from 0 to 1.
         pushed_out: By how much bodies push each other out of clumps: times the Laplacian of the density's logarithm [m²].
     """
@@ -68,9 +74,9 @@ def as_dense_at_large(
         return clumped
     clumped = clumped * (asked.sum() / clumped.sum())
     width = AT_LARGE * wavelength
-    nodes, step, padded = _nodes(asked.shape, pixel, width, wraps)
-    axes = [_Axis(many, count, wraps) for many, count in zip(asked.shape, nodes, strict=True)]
-    wanted = asked + pushed_out * _spreading(asked, clumped, pixel, wraps)
+    nodes, step, padded = _nodes(asked.shape, grid, width)
+    axes = [_Axis(many, count, grid.wraps) for many, count in zip(asked.shape, nodes, strict=True)]
+    wanted = asked + pushed_out * _spreading(asked, clumped, grid)
     everywhere = np.ones(nodes)
     sums = _Sums(clumped, axes)
     sums_wanted = share * _Sums(wanted, axes)(everywhere) + (1.0 - share) * sums(everywhere)
@@ -80,14 +86,14 @@ def as_dense_at_large(
     for kept, many in zip(_filters(padded, step, width), (first, rounds - first), strict=True):
         factor = _matched(factor, sums, sums_wanted, kept, padded, many)
     for many in asked.shape:
-        factor = stretched(factor, many, wraps).T
+        factor = stretched(factor, many, grid.wraps).T
     clumped *= factor
     return clumped
 
 
-def memory_at_large(shape: Sequence[int], pixel: Sequence[float], wavelength: float, wraps: bool) -> int:
+def memory_at_large(shape: Sequence[int], grid: Grid, wavelength: float) -> int:
     """Estimate what :func:`as_dense_at_large` takes at its peak, beside its densities [bytes]."""
-    nodes, _, padded = _nodes(shape, pixel, AT_LARGE * wavelength, wraps)
+    nodes, _, padded = _nodes(shape, grid, AT_LARGE * wavelength)
     return (
         BYTES_PER_PIXEL * shape[0] * shape[1]
         + BYTES_PER_NODE * nodes[0] * nodes[1]
@@ -95,29 +101,27 @@ def memory_at_large(shape: Sequence[int], pixel: Sequence[float], wavelength: fl
     )
 
 
-def _nodes(
-    shape: Sequence[int], pixel: Sequence[float], width: float, wraps: bool
-) -> tuple[list[int], list[float], list[int]]:
+def _nodes(shape: Sequence[int], grid: Grid, width: float) -> tuple[list[int], list[float], list[int]]:
     """How many nodes there are along either side, how far apart [m], and with what is around them where they are blurred."""
-    length = [many * own for many, own in zip(shape, pixel, strict=True)]
+    length = [many * own for many, own in zip(shape, grid.pixel, strict=True)]
     nodes = [min(many, math.ceil(NODES_ALONG * side / width)) for many, side in zip(shape, length, strict=True)]
     step = [side / count for side, count in zip(length, nodes, strict=True)]
-    if wraps:
+    if grid.wraps:
         return nodes, step, nodes
     # What does not wrap ends at its edges: nothing is beyond.
     reach = [2 * BESIDE + math.ceil(REACH_OF_BLUR * width / own) for own in step]
     return nodes, step, [fast_length(count + more) for count, more in zip(nodes, reach, strict=True)]
 
 
-def _spreading(asked: np.ndarray, clumped: np.ndarray, pixel: Sequence[float], wraps: bool) -> np.ndarray:
+def _spreading(asked: np.ndarray, clumped: np.ndarray, grid: Grid) -> np.ndarray:
     """Laplacian of the logarithm of what clumps multiply a density by [1/m²]; nothing goes to where the density is 0."""
     there = asked > 0.0
     factor = np.log(np.divide(clumped, asked, out=np.ones_like(asked), where=there))
     result = np.zeros_like(asked)
     for axis in (0, 1):
-        flow = (np.roll(factor, -1, axis) - factor) / pixel[axis] ** 2
+        flow = (np.roll(factor, -1, axis) - factor) / grid.pixel[axis] ** 2
         flow *= there & np.roll(there, -1, axis)
-        if not wraps:
+        if not grid.wraps:
             np.moveaxis(flow, axis, 0)[-1] = 0.0
         result += flow - np.roll(flow, 1, axis)
     return result

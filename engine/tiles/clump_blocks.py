@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ..problem.clumps import PIXELS_PER_CLUMP, WAVELENGTH, clump_factor
-from ..problem.clumps_at_large import as_dense_at_large
+from ..problem.clumps_at_large import Grid, as_dense_at_large
 from ..problem.random_numbers import random_shares
 from .bodies import written_atomically
 from .density_windows import Axis, Source, WrappedSource, sample_source, wrapped
@@ -171,11 +171,9 @@ def _made(clumps: Clumps, source: Source, down: Axis, across: Axis) -> np.ndarra
     number = rows[:, None] * across.units + columns
     # As random as normal ones: every wave has a part of many of them.
     noise = math.sqrt(12.0) * (random_shares(number, list(clumps.seed)) - 0.5)
-    pixel = [length / many for length, many in zip(clumps.extent[::-1], clumps.shape, strict=True)]
-    factor = clump_factor(noise, pixel, clumps.size, False, clumps.clustering, measured=False)
-    clumped = as_dense_at_large(
-        asked, asked * factor, WAVELENGTH * clumps.size, pixel, False, clumps.share, clumps.pushed_out
-    )
+    grid = Grid([length / many for length, many in zip(clumps.extent[::-1], clumps.shape, strict=True)], wraps=False)
+    factor = clump_factor(noise, grid, clumps.size, clumps.clustering, measured=False)
+    clumped = as_dense_at_large(asked, asked * factor, grid, WAVELENGTH * clumps.size, clumps.share, clumps.pushed_out)
     return np.divide(clumped, asked, out=factor, where=asked > 0.0)
 
 
