@@ -24,11 +24,12 @@ from . import kernels_descent, kernels_direction, kernels_dots
 from .close_bodies import close_bodies
 from .contact import Contact, keeps_apart
 from .direction import Direction
-from .final_placement import facing_turns, placement_of, position_in_meters
+from .final_placement import placement_of, position_in_meters
 from .forces import SMALLEST_DENSITY, Forces
 from .held_border import shares_of_forces
 from .initial_placement import Pyramids, first_pose
 from .line_rules import FIRST_LENGTH, LineRules
+from .looking import facing_turns
 from .model import Model
 from .state import State
 

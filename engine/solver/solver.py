@@ -32,13 +32,9 @@ from .carried_over import CarriedInPlane, CarriedOver
 from .choice_of_start import choose_start, number_of_starts
 from .descent import Descent
 from .edit import EditInPlane, in_order
-from .final_placement import (
-    angle_within,
-    looks_at_point,
-    somebody_looks,
-)
 from .identities_of_fixed import identities_of_fixed
 from .ink import with_widths
+from .looking import LOOKS_AWAY, angle_within, looks_at_point, somebody_looks
 from .memory import check_memory
 from .model import Model
 from .natural_border import SMOOTH_OVER_SPACING, SMOOTH_STEPS, STEPS_WITHIN, Kept, NaturalBorder
@@ -89,9 +85,8 @@ EDIT_STEPS = 5
 MOST_GROWTH = 1.5
 # Steps on a GPU between two looks at how far bodies still move, where nobody wants to hear of each.
 STEPS_UNWATCHED = 50
-# Outlines that look at a point may look past it by this much [rad], 2 degrees, before they are turned and parted again, so many times
-# at most: in crowds one body or the other is always moved far, and trading places is what makes room.
-LOOKS_AWAY = 0.035
+# Outlines that look past the point of their class are turned and parted again so many times at most: in crowds one body or the other
+# is always moved far, and trading places is what makes room.
 MOST_FACINGS = 4
 
 

@@ -14,7 +14,8 @@ from ..problem.unit_vectors import tangent_frame
 from ..surface.facets import Facets
 from . import kernels_surface_end
 from .body_flags import BodyFlags
-from .final_placement import angle_within, bends_of, looking_bodies, looks_at_point, somebody_looks
+from .final_placement import bends_of
+from .looking import angle_within, looking_bodies, looks_at_point, somebody_looks
 from .model import Model
 from .surface_state import SurfaceState
 

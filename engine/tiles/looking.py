@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ..problem.look_at import facing
-from ..solver.final_placement import angle_within
+from ..solver.looking import angle_within
 from .bodies import PartBodies
 from .plan import Plan
 

@@ -15,8 +15,9 @@ from .demand import read_demand
 from .layout import Box
 from .part_times import PartTimes
 from .plan import Plan, TileRun, make_plan
+from .start import start_bodies
 from .tile_files import TILE_WRITERS, tile_name
-from .window import onto_densities, relax, start_bodies
+from .window import onto_densities, relax
 from .window_problem import density_of_class
 
 __all__ = [

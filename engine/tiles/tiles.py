@@ -48,8 +48,8 @@ from .stages import (
     part_path,
     stage_names,
 )
+from .start import spread_rare
 from .tile_files import TILE_WRITERS, check_tile_ending, tile_name, world_position
-from .window import spread_rare
 
 __all__ = ["STEPS", "TileState", "solve_tiles"]
 
