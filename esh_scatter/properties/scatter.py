@@ -21,7 +21,7 @@ from ..result import words
 from ..targets import checksums
 from ..targets.in_scenes import in_a_scene, is_in
 from ..targets.target import RESULT_TARGET
-from . import settings_record
+from . import changed_settings, settings_record
 from .asked_once import asked_once
 from .body_class import CLASS_COLORS, ESH_PG_class
 from .described import values_from, with_properties
@@ -180,7 +180,7 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         if settings_record.same(before, now):
             return others
         # What another object has changed with it need not be said.
-        found = settings_record.changes(before, now, self)
+        found = changed_settings.changes(before, now, self)
         return list(dict.fromkeys([*others, *found]))
 
     def _read_by_solver(self, *records: dict) -> tuple[dict, ...]:
