@@ -1,13 +1,12 @@
 """Figures of placements on surfaces, beside SciPy's."""
 
-import importlib.util
-import sys
 from contextlib import closing
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+import surface_meshes as meshes
+import surface_metric as metric
 import trimesh
 import warp as wp
 from esh.engine.device.devices import resolve_device
@@ -23,19 +22,6 @@ from esh.engine.quality.kernels_sheets import on_one_sheet
 from esh.engine.quality.measurement import measure
 from esh.engine.quality.sheets import sheets_of
 from esh.engine.solve import solve
-
-BENCHMARKS = Path(__file__).resolve().parents[3] / "benchmarks"
-
-
-def benchmark(name):
-    spec = importlib.util.spec_from_file_location(name, BENCHMARKS / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-metric, meshes = benchmark("surface_metric"), benchmark("surface_meshes")
 
 
 @pytest.fixture(scope="module")

@@ -3,26 +3,12 @@
 Each case is one of the table in ``docs/surfaces.md``, with a limit for every scale and both spacings.
 """
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import esh
 import numpy as np
 import pytest
+import surface_meshes as meshes
+import surface_metric as metric
 
-BENCHMARKS = Path(__file__).resolve().parents[3] / "benchmarks"
-
-
-def benchmark(name):
-    spec = importlib.util.spec_from_file_location(name, BENCHMARKS / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-metric, meshes = benchmark("surface_metric"), benchmark("surface_meshes")
 COUNT = 4096
 SCALES = (0.5, 1.0, 2.0, 4.0)
 

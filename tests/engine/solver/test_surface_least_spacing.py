@@ -1,10 +1,8 @@
 """Pairs on a surface that forces have left too close together are pushed apart, and nobody else is moved."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
+import surface_metric as metric
 import trimesh
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.fixed_bodies import FixedBodies
@@ -17,11 +15,6 @@ from esh.engine.solver.solver import Solver
 from scipy.spatial import cKDTree
 
 COUNT = 600
-_spec = importlib.util.spec_from_file_location(
-    "surface_metric", Path(__file__).resolve().parents[3] / "benchmarks" / "surface_metric.py"
-)
-metric = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(metric)
 
 
 def creased():

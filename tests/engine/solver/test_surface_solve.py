@@ -1,12 +1,11 @@
 """Bodies on surfaces: counts, evenness, sides, edges, contact and bytes; measured by code that knows nothing of the solver."""
 
 import dataclasses
-import importlib.util
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+import surface_meshes as meshes
+import surface_metric as metric
 import trimesh
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
@@ -19,20 +18,6 @@ from esh.engine.solver.solver import Solver
 from esh.engine.solver.surface_own_forces import own_forces
 from esh.engine.solver.surface_state import SurfaceState
 from scipy.spatial import cKDTree
-
-BENCHMARKS = Path(__file__).resolve().parents[3] / "benchmarks"
-
-
-def benchmark(name):
-    """A module of the benchmarks, which are no package."""
-    spec = importlib.util.spec_from_file_location(name, BENCHMARKS / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-metric, meshes = benchmark("surface_metric"), benchmark("surface_meshes")
 
 
 def uniform(place):

@@ -1,32 +1,18 @@
 """Targets that are corrected by how dense bodies have come to stand: folds, rare classes, spots; and where they are left."""
 
-import importlib.util
-import sys
 from contextlib import closing
-from pathlib import Path
 
 import esh
 import numpy as np
 import pytest
+import surface_meshes as meshes
+import surface_metric as metric
 import trimesh
 import warp as wp
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.heat.heat_mesh import HeatMesh
 from esh.engine.solver.solver import Solver
-
-BENCHMARKS = Path(__file__).resolve().parents[3] / "benchmarks"
-
-
-def benchmark(name):
-    spec = importlib.util.spec_from_file_location(name, BENCHMARKS / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-metric, meshes = benchmark("surface_metric"), benchmark("surface_meshes")
 
 
 def uniform(place):
