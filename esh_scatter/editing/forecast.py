@@ -16,6 +16,7 @@ import bpy
 from ...engine.errors import EshError
 from ..solving import live, loading, running
 from ..solving.background_run import BackgroundRun
+from ..solving.redrawing import redraw_sidebars
 from ..targets.references import Reference
 
 if TYPE_CHECKING:
@@ -264,7 +265,7 @@ def _work() -> float | None:
         _going = None
         _known[work.key] = Forecast(work.fingerprint, work.cover, work.whole)
         if bpy.context.scene == work.scene.find():
-            running.redraw_sidebars()
+            redraw_sidebars()
     asked, _asked = _asked, None
     scene = asked[0].find() if asked is not None else None
     # Scripts and panels see what the context's scene holds.

@@ -22,6 +22,7 @@ from ..result.node_group_contents import target_inputs
 from ..result.refused import NOT_SEEN
 from ..result.result import find_result, is_shared
 from ..solving import live, loading, running
+from ..solving.redrawing import redraw_later
 from ..targets import checksums
 from ..targets.bending import bends_alone_in_renders
 from ..targets.in_scenes import is_in
@@ -118,7 +119,7 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
             _draw_bending(context, layout, result)
         _draw_foreign(context, layout.column())
         if checksums.is_old():
-            running.redraw_later()
+            redraw_later()
 
 
 class ESH_PT_surface(SubPanel, bpy.types.Panel):

@@ -24,7 +24,7 @@ class BackgroundRun:
         solve: Called once, in the thread, with a progress callback that answers False once the run was stopped.
 
     Attributes:
-        progress: The last :class:`~esh.engine.solver.solver.Progress`, None before the first.
+        progress: The last :class:`~esh.engine.solver.progress.Progress`, None before the first.
         error: What ``solve`` raised, or None.
         stopped: Whether :meth:`stop` or :meth:`abandon` was called.
     """

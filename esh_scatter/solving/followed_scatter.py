@@ -28,6 +28,7 @@ from . import running, strokes, undo_steps
 from .edited_result import EditedResult, may_be_left
 from .known_results import KnownResults
 from .new_result import Scatter
+from .redrawing import redraw_sidebars
 from .strokes import Stroke
 
 if TYPE_CHECKING:
@@ -157,7 +158,7 @@ class FollowedScatter:
         if why:
             scatter.live = False
             self.stopped = f"Live stopped: {why}"
-            running.redraw_sidebars()
+            redraw_sidebars()
             return False
         attentive = time.monotonic() - last_sign < ATTENTIVE or strokes.brush() is not None
         if self._waiting is not None and self._may_write(context, scatter):
@@ -266,7 +267,7 @@ class FollowedScatter:
         if self._told is not None and scatter.shows_at_once(self._record, record):
             self._told, self._record = made_with, record
             self._points = _points_of(scatter.result)
-            running.redraw_sidebars()
+            redraw_sidebars()
             return
         first = self._told is None
         start = time.thread_time()
@@ -384,7 +385,7 @@ class FollowedScatter:
             if self._points is not None:
                 self._known.note(outcome.request, _standing_of(result), job)
         self._written = scatter.ran_with, scatter.report_json
-        running.redraw_sidebars()
+        redraw_sidebars()
 
     def _refuse(self, message: str) -> None:
         """Say what is wrong with what was asked for last, for as long as nothing else is."""
@@ -394,7 +395,7 @@ class FollowedScatter:
     def _say(self, message: str) -> None:
         if message != self.message:
             self.message = message
-            running.redraw_sidebars()
+            redraw_sidebars()
 
 
 def _can_be_read(context: bpy.types.Context, scatter: Scatter) -> bool:

@@ -15,7 +15,6 @@ from ...engine.problem.placement import Placement
 from ...engine.problem.problem import Problem
 from ...engine.problem.surface import Surface
 from ...engine.quality.measurement import measure
-from ...engine.solver.progress import Progress
 from ...engine.solver.solver import Bookmark, Solver
 from ..classes.survey import Survey
 from ..result.words import EVEN, unevenness
@@ -128,7 +127,6 @@ class LiveWorker:
         self._edited = 0
         # How uneven the last placement was that was measured.
         self._unevenness = 0.0
-        self.progress: Progress | None = None
         self._thread = threading.Thread(target=self._work, name="ESH Scatter live", daemon=True)
         self._thread.start()
 
@@ -199,16 +197,10 @@ class LiveWorker:
         """Wait for the end of the thread, ``seconds`` at most."""
         self._thread.join(seconds)
 
-    @property
-    def running(self) -> bool:
-        """Whether the thread is there."""
-        return self._thread.is_alive()
-
     def _work(self) -> None:
         while True:
             with self._change:
                 self._busy = self._shows_nothing = False
-                self.progress = None
                 while (self._waiting is None or self._held) and not self._ended:
                     self._change.wait()
                 if self._ended:
@@ -253,7 +245,7 @@ class LiveWorker:
             in_full = not steps
             self._shown = None
             if in_full:
-                steps, _ = self._solver.run(job.settings.max_steps, self._keep)
+                steps, _ = self._solver.run(job.settings.max_steps, lambda _progress: self._go_on())
                 self._solver.separate(self._go_on, again=started)
         self._made = job
         assert self._solver is not None
@@ -263,7 +255,7 @@ class LiveWorker:
         if in_full or not steps or not measured or self._unevenness <= max(EVEN, MUCH_LESS_EVEN * before):
             return
         self._shown = None
-        more, _ = self._solver.run(job.settings.max_steps, self._keep)
+        more, _ = self._solver.run(job.settings.max_steps, lambda _progress: self._go_on())
         self._solver.separate(self._go_on, again=True)
         if self._go_on():
             # Somebody may be writing the one that was shown.
@@ -403,10 +395,6 @@ class LiveWorker:
         """Tell whether a problem asks for just these bodies."""
         there = places.class_index, places.size_index
         return all(np.array_equal(one, two) for one, two in zip(problem.body_indices(), there, strict=True))
-
-    def _keep(self, progress: Progress) -> bool:
-        self.progress = progress
-        return self._go_on()
 
     def _go_on(self) -> bool:
         """Whether nobody wants something else by now; rests first, where it is asked to."""

@@ -11,6 +11,7 @@ import bpy
 from ..targets.references import Reference
 from .background_run import BackgroundRun
 from .moving_bodies import MovingBodies
+from .redrawing import redraw_sidebars
 
 if TYPE_CHECKING:
     from ...engine.solver.progress import Progress
@@ -29,9 +30,6 @@ _PATIENCE = 3.0
 _LONGEST_JOIN = 5.0
 # Seconds that a run waits for one that was stopped to come out of the engine: compiling takes no longer.
 _LONGEST_WAIT = 120.0
-
-# Seconds after which what may be old is drawn again.
-_MOMENT = 1.0
 
 # Looking around is allowed during a run; changing anything is not.
 _NAVIGATION = {
@@ -244,21 +242,6 @@ def lets_through(context: bpy.types.Context, event: bpy.types.Event) -> bool:
     if event.type in _NAVIGATION or event.type.startswith("NUMPAD") or event.type.startswith("NDOF"):
         return True
     return event.type == "LEFTMOUSE" and _over_panel(context, event)
-
-
-def redraw_sidebars() -> None:
-    """Have every 3D viewport's sidebar drawn anew."""
-    areas = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
-    for area in areas:
-        for region in area.regions if area.type == "VIEW_3D" else ():
-            if region.type == "UI":
-                region.tag_redraw()
-
-
-def redraw_later() -> None:
-    """Have the sidebars drawn anew in a moment: what they show may be old by then."""
-    if not bpy.app.background and not bpy.app.timers.is_registered(redraw_sidebars):
-        bpy.app.timers.register(redraw_sidebars, first_interval=_MOMENT)
 
 
 def _over_panel(context: bpy.types.Context, event: bpy.types.Event) -> bool:

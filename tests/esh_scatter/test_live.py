@@ -929,7 +929,7 @@ def test_switching_it_off_ends_an_edit_under_way(scatter, follow, monkeypatch):
     scatter.live = False
     follow()
     one._worker.join(10.0)
-    assert launches == [0] and not one._worker.running
+    assert launches == [0] and not one._worker._thread.is_alive()
 
 
 @pytest.mark.parametrize("surface", ["ABOVE", "WHOLE"])
@@ -1194,7 +1194,7 @@ def test_another_file_ends_it(scatter, tmp_path, follow):
     bpy.ops.wm.read_homefile(use_empty=True)
     assert not live._followed
     worker.join(60)
-    assert not worker.running
+    assert not worker._thread.is_alive()
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "live.blend"))
     assert active().live
     live.wake()
