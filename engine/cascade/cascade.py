@@ -29,8 +29,9 @@ from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..space.cell_sort import CellSort
 from ..surface import kernels_facets
 from ..surface.facets import Facets
-from . import kernels_cascade, kernels_points
+from . import kernels_cascade, kernels_near_target, kernels_points
 from .kernels_points import Points
+from .native_lanes import LANES
 from .nodes import NEAR_REACH, Nodes, homed
 from .points import Lists, alike, chosen, empty_points, grid_of, nearest_of, taken, thinned
 from .softness import Softness, near_force, near_terms
@@ -205,9 +206,7 @@ class Cascade:
         counts = [level.count for level in self.nodes.levels]
         self._charges = [launcher.empty(count * self.group_count, float) for count in counts]
         # Kernels read beyond their ends: see LANES.
-        self._potentials = [
-            launcher.zeros((count + kernels_cascade.LANES) * self.group_count, float) for count in counts
-        ]
+        self._potentials = [launcher.zeros((count + LANES) * self.group_count, float) for count in counts]
         n = len(charge)
         self._sort = CellSort(launcher, n, self.node_count)
         self._sorted = _room_for_sorted(launcher, n)
@@ -352,7 +351,7 @@ class Cascade:
         assert home is not None
         return nodes, home
 
-    def _make_table(self, uniform: np.ndarray) -> kernels_cascade.NearTable:
+    def _make_table(self, uniform: np.ndarray) -> kernels_near_target.NearTable:
         """The near part between a charge and the target, up to where it ends: octaves of Gaussians, blurred as every image needs."""
         squares = self._length**2 * 4.0 ** (0.5 - np.arange(1, NEAR_OCTAVES + 1))
         cutoff = NEAR_REACH * math.sqrt(squares[0] + (BLUR * self._length) ** 2)
@@ -366,7 +365,7 @@ class Cascade:
             blurred = squares + (share * self._length) ** 2
             ratio = square / blurred
             force.append((math.log(2.0) * squares / blurred * ratio * np.exp(-0.5 * ratio)).sum(axis=1))
-        table = kernels_cascade.NearTable()
+        table = kernels_near_target.NearTable()
         table.force = wp.array(np.concatenate(force), dtype=float, device=self.launcher.device)
         table.kind = wp.array(uniform.astype(np.int32), dtype=wp.int32, device=self.launcher.device)
         table.size = TABLE_SIZE + 1
@@ -415,7 +414,7 @@ class Cascade:
         tiles: Points,
         parts: _Parts,
         attraction: np.ndarray,
-        table: kernels_cascade.NearTable,
+        table: kernels_near_target.NearTable,
         charge: np.ndarray,
         charge_group: np.ndarray,
     ) -> None:
@@ -442,7 +441,7 @@ class Cascade:
         for number, share in enumerate(shares.tolist()):
             place = number * columns * len(first)
             inputs = [corners, sources, *self.nodes.related, columns, source_count, table, variance, share, place]
-            launcher.launch(kernels_cascade.near_target, len(first), inputs, [force], grain=GRAIN_OF_NEIGHBORS)
+            launcher.launch(kernels_near_target.sum_near_target, len(first), inputs, [force], grain=GRAIN_OF_NEIGHBORS)
         everywhere = launcher.empty(len(shares) * columns * count, wp.vec3)
         launcher.launch(
             kernels_points.spread_vectors, count, [which, len(first), len(shares) * columns, force], [everywhere]
@@ -454,7 +453,7 @@ class Cascade:
 
     def _sources(
         self, facets: Facets, parts: _Parts, columns: int, cutoff: float, of_target: float
-    ) -> tuple[kernels_cascade.Sources, int]:
+    ) -> tuple[kernels_near_target.Sources, int]:
         """What the near part of the target's force is summed over, in the order of its cells, and how many points that are.
 
         Where it differs, they are blurred by ``of_target`` of the variance of a mean charge.
@@ -474,12 +473,12 @@ class Cascade:
             on_host = np.concatenate([charge.numpy() if on_host is None else on_host, variance.astype(np.float32)])
         if on_host is not None:
             charge = launcher.array(on_host, float)
-        sources = kernels_cascade.Sources()
+        sources = kernels_near_target.Sources()
         sources.grid = grid_of(launcher, points.position, cutoff)
         # Kernels read beyond the ends: see LANES.
-        sources.label = launcher.zeros(count + kernels_cascade.LANES, wp.int32)
-        sources.plane = launcher.zeros((6 + columns) * count + kernels_cascade.LANES, float)
-        launcher.launch(kernels_cascade.sort_sources, count, [points, charge, columns], [sources])
+        sources.label = launcher.zeros(count + LANES, wp.int32)
+        sources.plane = launcher.zeros((6 + columns) * count + LANES, float)
+        launcher.launch(kernels_near_target.sort_sources, count, [points, charge, columns], [sources])
         return sources, count
 
     def _fewer(
@@ -570,5 +569,5 @@ def _room_for_sorted(launcher: Launcher, count: int) -> kernels_cascade.SortedCh
     """Room for charges in the order of their homes."""
     charges = kernels_cascade.SortedCharges()
     charges.group = launcher.empty(count, wp.int32)
-    charges.plane = launcher.zeros(kernels_cascade.CHARGE_PLANES * count + kernels_cascade.LANES, float)
+    charges.plane = launcher.zeros(kernels_cascade.CHARGE_PLANES * count + LANES, float)
     return charges

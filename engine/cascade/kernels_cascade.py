@@ -5,7 +5,8 @@ from __future__ import annotations
 import warp as wp
 
 from ..surface.kernels_facets import Facets, interpolated
-from .kernels_points import PointGrid, Points, cell_around, cell_at, side_factor, slot_of
+from .kernels_points import Points, side_factor
+from .native_lanes import LANES_CODE, PLANES_CODE
 
 wp.set_module_options({"enable_backward": False})
 
@@ -73,23 +74,6 @@ class SortedCharges:
 
 
 @wp.struct
-class NearTable:
-    """Distance times force of a target's unit charge by the square of the distance, and where it ends.
-
-    ``scale`` is the number of entries per square of a distance. There are two tables of ``size`` entries, one behind the other, and
-    every image has the number of its own, ``kind``.
-    """
-
-    force: wp.array(dtype=float)
-    kind: wp.array(dtype=wp.int32)
-    size: wp.int32
-    scale: wp.float32
-    cutoff: wp.float32
-    # Whether the table is that of points, and every pair takes from it what its own blur does.
-    blurs: wp.int32
-
-
-@wp.struct
 class NearPart:
     """What is summed over pairs: the runs of homes near each home (``near`` from ``start`` on), the force, and M, flat.
 
@@ -106,18 +90,6 @@ class NearPart:
     blurs: wp.int32
     core: wp.float32
     core_end: wp.float32
-
-
-@wp.struct
-class Sources:
-    """Points that a target is drawn to, in the order of their cells: their part, and numbers, each of all points after the one before.
-
-    These are x, y and z, those of the normal, the charge of every image, and the variance that it is blurred by, where that differs.
-    """
-
-    grid: PointGrid
-    label: wp.array(dtype=wp.int32)
-    plane: wp.array(dtype=float)
 
 
 @wp.struct
@@ -160,76 +132,8 @@ OF_SLOPE = wp.constant(11)
 OF_VARIANCE = wp.constant(14)
 CHARGE_PLANES = 15
 NODE_PLANES = 6
-# Native code because these loops are most of a step's time. A CPU takes so many neighbors at once, a GPU one: those of a run lie side
-# by side. What lies behind the end of a run is read, too, and does not count.
-LANES = 8
 # Terms of the polynomial in NearPart. What is blurred usually is wrong by .014 with 8, by .002 with 10, by .0001 with 12.
 NEAR_TERMS = 12
-_LANES = f"""
-#if defined(__CUDA_ARCH__)
-    typedef float V;
-    typedef int I;
-    const int lanes = 1;
-    const I lane = 0;
-    auto load = [](const float* from) -> V {{ return from[0]; }};
-    auto numbers = [](const int* from) -> I {{ return from[0]; }};
-    auto get = [](const float* from, I at) -> V {{ return from[at]; }};
-    auto sum = [](V v) -> float {{ return v; }};
-    auto most = [](V a, V b) -> V {{ return fmaxf(a, b); }};
-    auto whole = [](V v) -> I {{ return (int)v; }};
-    auto real = [](I v) -> V {{ return (float)v; }};
-#else
-    typedef float V __attribute__((ext_vector_type({LANES})));
-    typedef int I __attribute__((ext_vector_type({LANES})));
-    const int lanes = {LANES};
-    const I lane = {{{", ".join(map(str, range(LANES)))}}};
-    auto load = [](const float* from) -> V
-    {{
-        V v;
-        __builtin_memcpy(&v, from, sizeof(V));
-        return v;
-    }};
-    auto numbers = [](const int* from) -> I
-    {{
-        I v;
-        __builtin_memcpy(&v, from, sizeof(I));
-        return v;
-    }};
-    auto get = [](const float* from, I at) -> V
-    {{
-        V v;
-        for (int l = 0; l < {LANES}; ++l) v[l] = from[at[l]];
-        return v;
-    }};
-    auto sum = [](V v) -> float
-    {{
-        const auto four = v.lo + v.hi;
-        const auto two = four.lo + four.hi;
-        return two.x + two.y;
-    }};
-    auto most = [](V a, V b) -> V {{ return a > b ? a : b; }};
-    auto whole = [](V v) -> I {{ return __builtin_convertvector(v, I); }};
-    auto real = [](I v) -> V {{ return __builtin_convertvector(v, V); }};
-#endif
-    // exp(-q): a polynomial of q / 16, four times squared. Beyond 14 it is nothing.
-    auto fading = [&](V q) -> V
-    {{
-        const V t = most(q * -0.0625f, (V)-0.9f);
-        V e = 1.0f + t * (1.0f + t * (0.5f + t * (0.16666667f + t * (0.041666667f + t * 0.0083333333f))));
-        e = e * e;
-        e = e * e;
-        e = e * e;
-        return e * e;
-    }};
-"""
-_PLANES = f"""{_LANES}
-    const float* x = plane.data;
-    const float* y = x + count;
-    const float* z = y + count;
-    const float* up_x = z + count;
-    const float* up_y = up_x + count;
-    const float* up_z = up_y + count;
-"""
 # The weight of a node: see node_weight, which says the same for one.
 _WEIGHT = f"""
             const V dx = load(x + j) - position[0];
@@ -243,7 +147,7 @@ _WEIGHT = f"""
 Moments = wp.types.vector(6, wp.float32)
 
 
-@wp.func_native(f"""{_PLANES}
+@wp.func_native(f"""{PLANES_CODE}
     V m00 = (V)0.0f, m01 = (V)0.0f, m02 = (V)0.0f, m11 = (V)0.0f, m12 = (V)0.0f, m22 = (V)0.0f;
     for (int k = first_run; k < last_run; ++k)
     {{
@@ -285,7 +189,7 @@ def moments_of(
 ) -> Moments: ...
 
 
-@wp.func_native(f"""{_PLANES}
+@wp.func_native(f"""{PLANES_CODE}
     V s0 = (V)0.0f, s1 = (V)0.0f, s2 = (V)0.0f;
     for (int k = first_run; k < last_run; ++k)
     {{
@@ -319,7 +223,7 @@ def potential_of(
 ) -> wp.vec3: ...
 
 
-@wp.func_native(f"""{_PLANES}
+@wp.func_native(f"""{PLANES_CODE}
     const float* charge = up_z + count;
     const float* value_x = charge + count;
     const float* value_y = value_x + count;
@@ -367,7 +271,7 @@ def gather_at_node(
 ): ...
 
 
-@wp.func_native(f"""{_PLANES}
+@wp.func_native(f"""{PLANES_CODE}
     const float* charge = up_z + count;
     const float* variance = x + {OF_VARIANCE} * count;
     const float* factor = interaction.data + group * group_count;
@@ -436,89 +340,6 @@ def sum_near(
     own_variance: float,
     core: float,
     core_end: float,
-) -> wp.vec3: ...
-
-
-@wp.func_native(f"""{_PLANES}
-    const float* charge = up_z + (column + 1) * count;
-    const float* variance = up_z + (column_count + 1) * count;
-    const float* entries = table.data + table_first;
-    const int last = table_size - 2;
-    const float beyond = (float)(last + 1);
-    // Labels that the own one has to do with, and whether another one is among them: it is looked for where there are fewer.
-    const int* related_start = related.data + relations;
-    const bool is_related = relations > 0 && related_start[label] < related_start[label + 1];
-    auto is_among = [&](int number, int of) -> bool
-    {{
-        int low = related_start[of], high = related_start[of + 1];
-        const int behind = high;
-        while (low < high)
-        {{
-            const int middle = (low + high) / 2;
-            if (related.data[middle] < number) low = middle + 1;
-            else high = middle;
-        }}
-        return low < behind && related.data[low] == number;
-    }};
-    auto count_of = [&](int of) -> int {{ return related_start[of + 1] - related_start[of]; }};
-    auto sees = [&](int other) -> bool
-    {{
-        return other == label || (count_of(other) < count_of(label) ? is_among(label, other) : is_among(other, label));
-    }};
-    V to_x = (V)0.0f, to_y = (V)0.0f, to_z = (V)0.0f;
-    for (int j = begin; j < end; j += lanes)
-    {{
-        const V dx = position[0] - load(x + j);
-        const V dy = position[1] - load(y + j);
-        const V dz = position[2] - load(z + j);
-        const V square = dx * dx + dy * dy + dz * dz;
-        const V cosine = load(up_x + j) * normal[0] + load(up_y + j) * normal[1] + load(up_z + j) * normal[2];
-        // Cells share slots: what lies far away, and is not seen, would be beyond all whole numbers.
-        const V all = square * table_scale;
-        const V at = all < beyond ? all : (V)beyond;
-        I cell = whole(at);
-        cell = cell > last ? (I)last : cell;
-        const V low = get(entries, cell);
-        V force = low + (at - real(cell)) * (get(entries, cell + 1) - low);
-        if (blurs) force -= fading(0.5f * square / (load(variance + j) + own_variance));
-        V strength = load(charge + j) * (0.5f + 0.5f * cosine) * force / most(square, (V)1e-12f);
-        auto seen = (square < square_cutoff) & (numbers(labels.data + j) == label) & (j + lane < end);
-        if (is_related)
-        {{
-#if defined(__CUDA_ARCH__)
-            seen = square < square_cutoff && sees(labels.data[j]);
-#else
-            for (int l = 0; l < lanes && j + l < end; ++l)
-                if (square[l] < square_cutoff && sees(labels.data[j + l])) seen[l] = -1;
-#endif
-        }}
-        strength = seen ? strength : (V)0.0f;
-        to_x += strength * dx;
-        to_y += strength * dy;
-        to_z += strength * dz;
-    }}
-    return wp::vec3(sum(to_x), sum(to_y), sum(to_z));
-""")
-def pull_of_sources(
-    position: wp.vec3,
-    normal: wp.vec3,
-    label: int,
-    related: wp.array(dtype=wp.int32),
-    relations: int,
-    begin: int,
-    end: int,
-    labels: wp.array(dtype=wp.int32),
-    plane: wp.array(dtype=float),
-    count: int,
-    column: int,
-    column_count: int,
-    square_cutoff: float,
-    table: wp.array(dtype=float),
-    table_first: int,
-    table_size: int,
-    table_scale: float,
-    blurs: int,
-    own_variance: float,
 ) -> wp.vec3: ...
 
 
@@ -881,7 +702,7 @@ def begin_with(
     potential[i] = offset[i]
 
 
-@wp.func_native(f"""{_LANES}
+@wp.func_native(f"""{LANES_CODE}
     const float* values = value.data;
     const int* numbers_of = entry.data;
     const float* from = column.data + group;
@@ -924,92 +745,6 @@ def multiply(
     if add != 0:
         total += result[i]
     result[i] = total
-
-
-Slots = wp.types.vector(27, wp.int32)
-
-
-@wp.kernel
-def sort_sources(
-    first: int,
-    points: Points,
-    column: wp.array(dtype=float),
-    column_count: int,
-    # outputs
-    sources: Sources,
-):
-    """Bring points and their columns, their charges and what else there is, into the order of their cells."""
-    s = first + wp.tid()
-    count = points.position.shape[0]
-    i = sources.grid.order[s]
-    sources.label[s] = points.label[i]
-    for k in range(3):
-        sources.plane[k * count + s] = points.position[i][k]
-        sources.plane[(3 + k) * count + s] = points.normal[i][k]
-    for c in range(column_count):
-        sources.plane[(6 + c) * count + s] = column[c * count + i]
-
-
-@wp.kernel
-def near_target(
-    first: int,
-    corners: Points,
-    sources: Sources,
-    related: wp.array(dtype=wp.int32),
-    relations: int,
-    column_count: int,
-    source_count: int,
-    table: NearTable,
-    variance: wp.array(dtype=float),
-    share: float,
-    force_start: int,
-    # outputs
-    force: wp.array(dtype=wp.vec3),
-):
-    """The near part of the force of every image's target at the corners of tiles; cells are as large as the cut-off.
-
-    It acts on charges that are blurred by a ``share`` of the ``variance`` of their place, where that differs.
-    """
-    i = first + wp.tid()
-    own_variance = float(0.0)
-    if table.blurs != 0:
-        own_variance = share * variance[i]
-    grid = sources.grid
-    cell = cell_at(corners.position[i], grid.inverse_size)
-    slots = Slots()
-    for number in range(27):
-        slots[number] = slot_of(cell_around(cell, number), grid.mask)
-    for c in range(column_count):
-        total = wp.vec3(0.0, 0.0, 0.0)
-        for number in range(27):
-            # What is not in a cell, but shares its slot, is near only where its own cell is one of the 27: slots count once.
-            slot = slots[number]
-            known = int(0)
-            for before in range(number):
-                known += int(slots[before] == slot)
-            if known == 0 and grid.start[slot] < grid.start[slot + 1]:
-                total += pull_of_sources(
-                    corners.position[i],
-                    corners.normal[i],
-                    corners.label[i],
-                    related,
-                    relations,
-                    grid.start[slot],
-                    grid.start[slot + 1],
-                    sources.label,
-                    sources.plane,
-                    source_count,
-                    c,
-                    column_count,
-                    table.cutoff * table.cutoff,
-                    table.force,
-                    table.kind[c] * table.size,
-                    table.size,
-                    table.scale,
-                    table.blurs,
-                    own_variance,
-                )
-        force[force_start + c * corners.position.shape[0] + i] = total
 
 
 @wp.func

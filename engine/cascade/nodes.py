@@ -20,6 +20,7 @@ from ..surface.facets import Facets
 from . import kernels_cascade
 from .beyond_edges import with_nodes_beyond_edges
 from .kernels_points import Points
+from .native_lanes import LANES
 from .points import Lists, chosen, lists_of, nearest_of, runs_of, thinned
 
 __all__ = ["NEAR_REACH", "NodeLevel", "Nodes", "homed"]
@@ -211,6 +212,6 @@ def _weights_of(launcher: Launcher, nodes: Points, width: float, length: float) 
     weights = kernels_cascade.Weights()
     weights.nodes, weights.start, weights.near, weights.width = nodes, near.start, near.entry, width
     count = len(nodes.position)
-    weights.plane = launcher.zeros(kernels_cascade.NODE_PLANES * count + kernels_cascade.LANES, float)
+    weights.plane = launcher.zeros(kernels_cascade.NODE_PLANES * count + LANES, float)
     launcher.launch(kernels_cascade.fill_planes, count, [nodes], [weights.plane])
     return weights

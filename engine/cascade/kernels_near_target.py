@@ -1,0 +1,208 @@
+"""Kernels of the near part of the target's force: what points that bodies are drawn to do at the corners of tiles."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from .kernels_points import PointGrid, Points, cell_around, cell_at, slot_of
+from .native_lanes import PLANES_CODE
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.struct
+class NearTable:
+    """Distance times force of a target's unit charge by the square of the distance, and where it ends.
+
+    ``scale`` is the number of entries per square of a distance. There are two tables of ``size`` entries, one behind the other, and
+    every image has the number of its own, ``kind``.
+    """
+
+    force: wp.array(dtype=float)
+    kind: wp.array(dtype=wp.int32)
+    size: wp.int32
+    scale: wp.float32
+    cutoff: wp.float32
+    # Whether the table is that of points, and every pair takes from it what its own blur does.
+    blurs: wp.int32
+
+
+@wp.struct
+class Sources:
+    """Points that a target is drawn to, in the order of their cells: their part, and numbers, each of all points after the one before.
+
+    These are x, y and z, those of the normal, the charge of every image, and the variance that it is blurred by, where that differs.
+    """
+
+    grid: PointGrid
+    label: wp.array(dtype=wp.int32)
+    plane: wp.array(dtype=float)
+
+
+@wp.func_native(f"""{PLANES_CODE}
+    const float* charge = up_z + (column + 1) * count;
+    const float* variance = up_z + (column_count + 1) * count;
+    const float* entries = table.data + table_first;
+    const int last = table_size - 2;
+    const float beyond = (float)(last + 1);
+    // Labels that the own one has to do with, and whether another one is among them: it is looked for where there are fewer.
+    const int* related_start = related.data + relations;
+    const bool is_related = relations > 0 && related_start[label] < related_start[label + 1];
+    auto is_among = [&](int number, int of) -> bool
+    {{
+        int low = related_start[of], high = related_start[of + 1];
+        const int behind = high;
+        while (low < high)
+        {{
+            const int middle = (low + high) / 2;
+            if (related.data[middle] < number) low = middle + 1;
+            else high = middle;
+        }}
+        return low < behind && related.data[low] == number;
+    }};
+    auto count_of = [&](int of) -> int {{ return related_start[of + 1] - related_start[of]; }};
+    auto sees = [&](int other) -> bool
+    {{
+        return other == label || (count_of(other) < count_of(label) ? is_among(label, other) : is_among(other, label));
+    }};
+    V to_x = (V)0.0f, to_y = (V)0.0f, to_z = (V)0.0f;
+    for (int j = begin; j < end; j += lanes)
+    {{
+        const V dx = position[0] - load(x + j);
+        const V dy = position[1] - load(y + j);
+        const V dz = position[2] - load(z + j);
+        const V square = dx * dx + dy * dy + dz * dz;
+        const V cosine = load(up_x + j) * normal[0] + load(up_y + j) * normal[1] + load(up_z + j) * normal[2];
+        // Cells share slots: what lies far away, and is not seen, would be beyond all whole numbers.
+        const V all = square * table_scale;
+        const V at = all < beyond ? all : (V)beyond;
+        I cell = whole(at);
+        cell = cell > last ? (I)last : cell;
+        const V low = get(entries, cell);
+        V force = low + (at - real(cell)) * (get(entries, cell + 1) - low);
+        if (blurs) force -= fading(0.5f * square / (load(variance + j) + own_variance));
+        V strength = load(charge + j) * (0.5f + 0.5f * cosine) * force / most(square, (V)1e-12f);
+        auto seen = (square < square_cutoff) & (numbers(labels.data + j) == label) & (j + lane < end);
+        if (is_related)
+        {{
+#if defined(__CUDA_ARCH__)
+            seen = square < square_cutoff && sees(labels.data[j]);
+#else
+            for (int l = 0; l < lanes && j + l < end; ++l)
+                if (square[l] < square_cutoff && sees(labels.data[j + l])) seen[l] = -1;
+#endif
+        }}
+        strength = seen ? strength : (V)0.0f;
+        to_x += strength * dx;
+        to_y += strength * dy;
+        to_z += strength * dz;
+    }}
+    return wp::vec3(sum(to_x), sum(to_y), sum(to_z));
+""")
+def pull_of_sources(
+    position: wp.vec3,
+    normal: wp.vec3,
+    label: int,
+    related: wp.array(dtype=wp.int32),
+    relations: int,
+    begin: int,
+    end: int,
+    labels: wp.array(dtype=wp.int32),
+    plane: wp.array(dtype=float),
+    count: int,
+    column: int,
+    column_count: int,
+    square_cutoff: float,
+    table: wp.array(dtype=float),
+    table_first: int,
+    table_size: int,
+    table_scale: float,
+    blurs: int,
+    own_variance: float,
+) -> wp.vec3: ...
+
+
+Slots = wp.types.vector(27, wp.int32)
+
+
+@wp.kernel
+def sort_sources(
+    first: int,
+    points: Points,
+    column: wp.array(dtype=float),
+    column_count: int,
+    # outputs
+    sources: Sources,
+):
+    """Bring points and their columns, their charges and what else there is, into the order of their cells."""
+    s = first + wp.tid()
+    count = points.position.shape[0]
+    i = sources.grid.order[s]
+    sources.label[s] = points.label[i]
+    for k in range(3):
+        sources.plane[k * count + s] = points.position[i][k]
+        sources.plane[(3 + k) * count + s] = points.normal[i][k]
+    for c in range(column_count):
+        sources.plane[(6 + c) * count + s] = column[c * count + i]
+
+
+@wp.kernel
+def sum_near_target(
+    first: int,
+    corners: Points,
+    sources: Sources,
+    related: wp.array(dtype=wp.int32),
+    relations: int,
+    column_count: int,
+    source_count: int,
+    table: NearTable,
+    variance: wp.array(dtype=float),
+    share: float,
+    force_start: int,
+    # outputs
+    force: wp.array(dtype=wp.vec3),
+):
+    """The near part of the force of every image's target at the corners of tiles; cells are as large as the cut-off.
+
+    It acts on charges that are blurred by a ``share`` of the ``variance`` of their place, where that differs.
+    """
+    i = first + wp.tid()
+    own_variance = float(0.0)
+    if table.blurs != 0:
+        own_variance = share * variance[i]
+    grid = sources.grid
+    cell = cell_at(corners.position[i], grid.inverse_size)
+    slots = Slots()
+    for number in range(27):
+        slots[number] = slot_of(cell_around(cell, number), grid.mask)
+    for c in range(column_count):
+        total = wp.vec3(0.0, 0.0, 0.0)
+        for number in range(27):
+            # What is not in a cell, but shares its slot, is near only where its own cell is one of the 27: slots count once.
+            slot = slots[number]
+            known = int(0)
+            for before in range(number):
+                known += int(slots[before] == slot)
+            if known == 0 and grid.start[slot] < grid.start[slot + 1]:
+                total += pull_of_sources(
+                    corners.position[i],
+                    corners.normal[i],
+                    corners.label[i],
+                    related,
+                    relations,
+                    grid.start[slot],
+                    grid.start[slot + 1],
+                    sources.label,
+                    sources.plane,
+                    source_count,
+                    c,
+                    column_count,
+                    table.cutoff * table.cutoff,
+                    table.force,
+                    table.kind[c] * table.size,
+                    table.size,
+                    table.scale,
+                    table.blurs,
+                    own_variance,
+                )
+        force[force_start + c * corners.position.shape[0] + i] = total

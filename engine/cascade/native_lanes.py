@@ -1,0 +1,76 @@
+"""What native code of the cascade's kernels begins with: vectors of several neighbors, and what is known of all points."""
+
+from __future__ import annotations
+
+__all__ = ["LANES", "LANES_CODE", "PLANES_CODE"]
+
+# Native code because these loops are most of a step's time. A CPU takes so many neighbors at once, a GPU one: those of a run lie side
+# by side. What lies behind the end of a run is read, too, and does not count.
+LANES = 8
+# Types of such vectors, and functions that read them, choose, and sum.
+LANES_CODE = f"""
+#if defined(__CUDA_ARCH__)
+    typedef float V;
+    typedef int I;
+    const int lanes = 1;
+    const I lane = 0;
+    auto load = [](const float* from) -> V {{ return from[0]; }};
+    auto numbers = [](const int* from) -> I {{ return from[0]; }};
+    auto get = [](const float* from, I at) -> V {{ return from[at]; }};
+    auto sum = [](V v) -> float {{ return v; }};
+    auto most = [](V a, V b) -> V {{ return fmaxf(a, b); }};
+    auto whole = [](V v) -> I {{ return (int)v; }};
+    auto real = [](I v) -> V {{ return (float)v; }};
+#else
+    typedef float V __attribute__((ext_vector_type({LANES})));
+    typedef int I __attribute__((ext_vector_type({LANES})));
+    const int lanes = {LANES};
+    const I lane = {{{", ".join(map(str, range(LANES)))}}};
+    auto load = [](const float* from) -> V
+    {{
+        V v;
+        __builtin_memcpy(&v, from, sizeof(V));
+        return v;
+    }};
+    auto numbers = [](const int* from) -> I
+    {{
+        I v;
+        __builtin_memcpy(&v, from, sizeof(I));
+        return v;
+    }};
+    auto get = [](const float* from, I at) -> V
+    {{
+        V v;
+        for (int l = 0; l < {LANES}; ++l) v[l] = from[at[l]];
+        return v;
+    }};
+    auto sum = [](V v) -> float
+    {{
+        const auto four = v.lo + v.hi;
+        const auto two = four.lo + four.hi;
+        return two.x + two.y;
+    }};
+    auto most = [](V a, V b) -> V {{ return a > b ? a : b; }};
+    auto whole = [](V v) -> I {{ return __builtin_convertvector(v, I); }};
+    auto real = [](I v) -> V {{ return __builtin_convertvector(v, V); }};
+#endif
+    // exp(-q): a polynomial of q / 16, four times squared. Beyond 14 it is nothing.
+    auto fading = [&](V q) -> V
+    {{
+        const V t = most(q * -0.0625f, (V)-0.9f);
+        V e = 1.0f + t * (1.0f + t * (0.5f + t * (0.16666667f + t * (0.041666667f + t * 0.0083333333f))));
+        e = e * e;
+        e = e * e;
+        e = e * e;
+        return e * e;
+    }};
+"""
+# The same, and pointers to what ``plane`` has of ``count`` points, one after the other: x, y and z, and those of the normals.
+PLANES_CODE = f"""{LANES_CODE}
+    const float* x = plane.data;
+    const float* y = x + count;
+    const float* z = y + count;
+    const float* up_x = z + count;
+    const float* up_y = up_x + count;
+    const float* up_z = up_y + count;
+"""
