@@ -400,7 +400,7 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
 
         Their class is left out, or another target is chosen, and they are not on it.
         """
-        from ..result.pins import lost_with_classes, lost_with_target
+        from ..result.pinned_bodies import lost_with_classes, lost_with_target
         from ..result.result import CLASS_NAMES
 
         result = self.result_in(scene)

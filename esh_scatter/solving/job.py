@@ -48,7 +48,7 @@ from ..densities.image_density import stored_density
 from ..result.following import followed
 from ..result.kept_ground import LOWEST_POINTS, ON_WHOLE, SEED, UNREAD_STANDING, KeptPlaces
 from ..result.kept_variants import VARIANTS, lowest_told, variants_told
-from ..result.pins import Pins, lost_with_target, read_pins
+from ..result.pinned_bodies import Pins, lost_with_target, read_pins
 from ..result.result import CLASS_NAMES, find_result, write_result
 from ..result.result_points import ResultPoints, overlap_attributes, point_attributes, result_points
 from ..targets.references import Reference

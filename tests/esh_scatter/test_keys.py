@@ -7,7 +7,7 @@ bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.operators import keys  # noqa: E402
-from esh.esh_scatter.result import pins  # noqa: E402
+from esh.esh_scatter.result.attributes import PLACED_AT  # noqa: E402
 from esh.esh_scatter.targets.mesh_attributes import read_attribute  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("empty_file")
@@ -115,7 +115,7 @@ def test_everything_else_is_left_to_blender(two):
     assert not bpy.ops.esh.instances_delete.poll(), "a copy is of no scatter"
     bpy.ops.object.mode_set(mode="OBJECT")
     # As a result of an earlier version, which does not know where its points were put.
-    second.result.data.attributes.remove(second.result.data.attributes[pins.PLACED_AT])
+    second.result.data.attributes.remove(second.result.data.attributes[PLACED_AT])
     edit(second.result, select=(3,))
     assert not bpy.ops.esh.instances_delete.poll()
 

@@ -10,6 +10,7 @@ bpy = pytest.importorskip("bpy")
 from esh import ScatterClass, ScatterSize, scatter  # noqa: E402
 from esh.esh_scatter.operators.run_operator import before_a_run  # noqa: E402
 from esh.esh_scatter.result import pins, points_in_front  # noqa: E402
+from esh.esh_scatter.result.attributes import PINNED, PLACED_AT  # noqa: E402
 from esh.esh_scatter.solving import live  # noqa: E402
 from esh.esh_scatter.targets.mesh_attributes import read_attribute, write_attribute  # noqa: E402
 
@@ -222,8 +223,8 @@ def test_that_nothing_was_moved_is_seen_about_as_quickly_as_it_is_read():
     mesh = bpy.data.meshes.new("Points")
     mesh.vertices.add(100_000)
     place = np.random.default_rng(1).random((100_000, 3), np.float32)
-    mesh.attributes.new(pins.PLACED_AT, "FLOAT_VECTOR", "POINT")
-    for name in ("position", pins.PLACED_AT):
+    mesh.attributes.new(PLACED_AT, "FLOAT_VECTOR", "POINT")
+    for name in ("position", PLACED_AT):
         write_attribute(mesh, name, place)
 
     def least(work):
@@ -235,7 +236,7 @@ def test_that_nothing_was_moved_is_seen_about_as_quickly_as_it_is_read():
             times.append(time.thread_time() - start)
         return min(times)
 
-    reading = least(lambda: [read_attribute(mesh, name) for name in ("position", pins.PLACED_AT)])
+    reading = least(lambda: [read_attribute(mesh, name) for name in ("position", PLACED_AT)])
     assert not pins.moved_by_hand(mesh).any()
     assert least(lambda: pins.moved_by_hand(mesh)) < 4.0 * reading
     place[7] += 0.1
@@ -375,10 +376,10 @@ def test_discs_that_are_pinned_keep_their_size(steep, area):
         if scales is not None:
             assert {number: there[number] for number in scales} == pytest.approx(scales, rel=1e-4)
         chosen = np.arange(len(mesh.vertices)) % 8 == 0
-        if pins.PINNED not in mesh.attributes:
-            mesh.attributes.new(pins.PINNED, "BOOLEAN", "POINT")
-        pinned = read_attribute(mesh, pins.PINNED) | chosen
-        write_attribute(mesh, pins.PINNED, pinned)
+        if PINNED not in mesh.attributes:
+            mesh.attributes.new(PINNED, "BOOLEAN", "POINT")
+        pinned = read_attribute(mesh, PINNED) | chosen
+        write_attribute(mesh, PINNED, pinned)
         numbers = read_attribute(mesh, "id")
         scales = {int(n): there[int(n)] for n in numbers[pinned]}
         result = scatter(ground, asked, result=result, **options).object
@@ -395,13 +396,13 @@ def test_pinned_objects_of_a_collection_stay_when_it_loses_one(ground, area, sur
     # Discs that are scaled are footprints, too, one for all objects.
     options = {"surface": surface, "scale_jitter": 0.3, **OPTIONS}
     result = scatter(ground, asked, **options).object
-    result.data.attributes.new(pins.PINNED, "BOOLEAN", "POINT")
-    write_attribute(result.data, pins.PINNED, np.arange(40) < 20)
+    result.data.attributes.new(PINNED, "BOOLEAN", "POINT")
+    write_attribute(result.data, PINNED, np.arange(40) < 20)
     before, _ = state(result.data)
     for _ in range(2):
         scatter(ground, asked, result=result, **options)
         after, _ = state(result.data)
-        for number in np.flatnonzero(read_attribute(result.data, pins.PINNED)):
+        for number in np.flatnonzero(read_attribute(result.data, PINNED)):
             at = int(read_attribute(result.data, "id")[number])
             np.testing.assert_allclose(after[at], before[at], atol=1e-4)
         if "Part 2" in parts.objects:
@@ -413,8 +414,8 @@ def test_a_range_beside_pins_is_drawn_for_those_that_are_new():
     ground, one = bpy.context.object, cone("One", 0.2)
     asked = [ScatterClass("a", [ScatterSize("s", 60, one, area=(0.05, 0.2), distribution="linear", line=False)])]
     result = scatter(ground, asked, avoid_overlap=True, **OPTIONS).object
-    result.data.attributes.new(pins.PINNED, "BOOLEAN", "POINT")
-    write_attribute(result.data, pins.PINNED, np.arange(60) < 30)
+    result.data.attributes.new(PINNED, "BOOLEAN", "POINT")
+    write_attribute(result.data, PINNED, np.arange(60) < 30)
     made = scatter(ground, asked, result=result, avoid_overlap=True, **OPTIONS)
     scale = read_attribute(made.object.data, "scale")[:, 0]
     new = scale[~made.placement.fixed]
