@@ -21,6 +21,12 @@ def empty_file() -> Iterator[None]:
 
 
 @pytest.fixture
+def bare_file() -> None:
+    """An empty file, without the extension."""
+    pytest.importorskip("bpy").ops.wm.read_homefile(use_empty=True)
+
+
+@pytest.fixture
 def follow() -> Callable[..., None]:
     """Let the timer of Live run until nothing is left to do, or until what is asked for holds."""
     from esh.esh_scatter.solving import live

@@ -26,12 +26,9 @@ from esh.esh_scatter.api import (  # noqa: E402
 from esh.esh_scatter.classes import lent_survey  # noqa: E402
 from mathutils import Quaternion  # noqa: E402
 
+pytestmark = pytest.mark.usefixtures("bare_file")
+
 OPTIONS = {"device": "cpu", "max_steps": 5}
-
-
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
 
 
 def new_object(name, corners, faces):

@@ -6,18 +6,11 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh import EshError, ScatterClass, ScatterJob, ScatterSize, scatter  # noqa: E402
-from esh.esh_scatter import registration  # noqa: E402
+
+pytestmark = pytest.mark.usefixtures("empty_file")
 
 SIDE = 20.0
 OPTIONS = {"device": "cpu", "max_steps": 40}
-
-
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
-    registration.register()
-    yield
-    registration.unregister()
 
 
 def cone(name="Pine", radius=0.15):

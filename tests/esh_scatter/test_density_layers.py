@@ -13,10 +13,7 @@ from esh.esh_scatter.densities.density_source import DensityReader, attribute_na
 from esh.esh_scatter.densities.image_density import stored_density  # noqa: E402
 from esh.esh_scatter.targets.target import read_target  # noqa: E402
 
-
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
+pytestmark = pytest.mark.usefixtures("bare_file")
 
 
 def new_object(name, vertices, faces=(), edges=()):

@@ -34,7 +34,7 @@ from esh.esh_scatter.classes import lent_survey  # noqa: E402
 from esh.esh_scatter.classes.survey import Survey  # noqa: E402
 
 # All numbers are looked at before Blender hears of any.
-pytestmark = pytest.mark.once
+pytestmark = [pytest.mark.once, pytest.mark.usefixtures("bare_file")]
 
 EXTREMES = (-1e300, 1e39, 2**31, 10**30)
 
@@ -48,11 +48,6 @@ def small_charts(monkeypatch):
     lent_survey.detach()
     yield
     lent_survey.detach()
-
-
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
 
 
 def quad(name, size):

@@ -15,10 +15,7 @@ from esh.esh_scatter.result.standing_now import standing_now  # noqa: E402
 from mathutils import Matrix, Quaternion, Vector  # noqa: E402
 from mathutils.bvhtree import BVHTree  # noqa: E402
 
-
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
+pytestmark = pytest.mark.usefixtures("bare_file")
 
 
 def new_object(name, vertices, faces, link=True):

@@ -12,10 +12,7 @@ from esh.esh_scatter.result.node_group_contents import Finer, Followed, Rest, fo
 from esh.esh_scatter.targets.target import RESULT_TAG  # noqa: E402
 from mathutils import Matrix, Quaternion  # noqa: E402
 
-
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
+pytestmark = pytest.mark.usefixtures("bare_file")
 
 
 def source(name, *, location=(0, 0, 0), turn=0.0, scale=1.0):

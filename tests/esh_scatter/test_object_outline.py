@@ -10,10 +10,7 @@ from esh.engine.errors import EshError  # noqa: E402
 from esh.esh_scatter.classes.object_outline import measure_footprint  # noqa: E402
 from esh.esh_scatter.targets import checksums  # noqa: E402
 
-
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
+pytestmark = pytest.mark.usefixtures("bare_file")
 
 
 def footprint():

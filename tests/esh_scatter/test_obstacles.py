@@ -12,12 +12,9 @@ from esh.esh_scatter.solving.job import ScatterJob  # noqa: E402
 from esh.esh_scatter.targets import checksums  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
+pytestmark = pytest.mark.usefixtures("bare_file")
+
 OPTIONS = {"device": "cpu", "max_steps": 30}
-
-
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
 
 
 @pytest.fixture

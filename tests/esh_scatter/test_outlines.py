@@ -21,15 +21,10 @@ from shapely.geometry import MultiPoint, Polygon  # noqa: E402
 from shapely.strtree import STRtree  # noqa: E402
 
 # Blender gives triangles here; all that is looked at comes of these.
-pytestmark = pytest.mark.once
+pytestmark = [pytest.mark.once, pytest.mark.usefixtures("bare_file")]
 
 # Share of the narrower one's width that two outlines may lie in each other.
 TOLERANCE = 1e-3
-
-
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
 
 
 def flat(name: str, corners: list[tuple[float, float]], scale: float = 1.0) -> bpy.types.Object:

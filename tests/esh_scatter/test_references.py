@@ -11,12 +11,9 @@ from esh.esh_scatter.result.result import find_result  # noqa: E402
 from esh.esh_scatter.targets.references import Reference  # noqa: E402
 from esh.esh_scatter.targets.target import RESULT_TAG, RESULT_TARGET, is_result  # noqa: E402
 
+pytestmark = pytest.mark.usefixtures("bare_file")
+
 OPTIONS = {"device": "cpu", "max_steps": 3}
-
-
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
 
 
 def quad(name, size=10.0):

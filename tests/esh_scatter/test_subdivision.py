@@ -7,10 +7,7 @@ bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter.targets.subdivision import levels, read_subdivision  # noqa: E402
 
-
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
+pytestmark = pytest.mark.usefixtures("bare_file")
 
 
 def faces_of_all_kinds():

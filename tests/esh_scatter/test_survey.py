@@ -19,12 +19,9 @@ from esh.esh_scatter.classes import lent_survey, survey  # noqa: E402
 from esh.esh_scatter.classes.survey import Survey  # noqa: E402
 from esh.esh_scatter.densities.density_source import DensityReader  # noqa: E402
 
+pytestmark = pytest.mark.usefixtures("bare_file")
+
 OPTIONS = {"device": "cpu", "max_steps": 5}
-
-
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
 
 
 @pytest.fixture

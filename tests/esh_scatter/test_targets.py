@@ -11,12 +11,9 @@ import trimesh  # noqa: E402
 from esh.esh_scatter.api import ImageDensity, ScatterClass, ScatterJob, ScatterSize, scatter  # noqa: E402
 from mathutils import Quaternion, Vector  # noqa: E402
 
+pytestmark = pytest.mark.usefixtures("bare_file")
+
 OPTIONS = {"device": "cpu", "max_steps": 20}
-
-
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
 
 
 def mesh_object(name, corners, faces):
