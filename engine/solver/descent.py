@@ -31,6 +31,7 @@ from .initial_placement import Pyramids, first_pose
 from .line_rules import FIRST_LENGTH, LineRules
 from .looking import facing_turns
 from .model import Model
+from .numbers_in_parts import with_whole_numbers
 from .state import State
 
 __all__ = ["STEP_LIMIT", "Descent", "bodies_for_kernels", "step_along_lines"]
@@ -79,10 +80,11 @@ class Descent:
         smooth: float | None = None,
         begins_short: bool = False,
         stirred: np.ndarray | None = None,
+        whole_numbers: bool = True,
     ) -> None:
         self.model = model
         self.launcher = launcher
-        self._begins_short = begins_short
+        self._begins_short, self._whole_numbers = begins_short, whole_numbers
         device = launcher.device
         self._space = model.space.for_kernels()
         self.rules = LineRules(model, launcher)
@@ -171,6 +173,8 @@ class Descent:
         model, launcher = self.model, self.launcher
         if given is None:
             pose = first_pose(launcher, model, self.images, start, pyramids)
+            if self._whole_numbers:
+                pose = with_whole_numbers(launcher, model, pose, start)
             if self.rules.kind_count:
                 values = pose.numpy()
                 values[:, 2:] = self.rules.first_angle_and_length(values[:, :2])

@@ -23,6 +23,7 @@ from .body_flags import BodyFlags
 from .carried_over import CarriedInPlane
 from .kernels_edit import Fate
 from .model import Model
+from .numbers_in_parts import has_parts, move_between_parts
 from .places_in_support import move_poses_into_support
 from .size_edit import Rows, SizeEdit, around, compare_size, list_bodies, read_numbers
 
@@ -157,6 +158,7 @@ class EditInPlane:
         """What has come of it."""
         launcher, old, model = self._launcher, self._old, self._model
         move_poses_into_support(launcher, model, self.pose)
+        self._keep_whole_numbers(first_identity)
         marked = launcher.empty(old.body_count, wp.int32)
         launcher.launch(kernels_edit.mark_gone, old.body_count, [self._row_of], [marked])
         gone = numbers_of_marked(launcher, marked)
@@ -175,6 +177,19 @@ class EditInPlane:
         launcher.launch(kernels_edit.give_identities, len(new), given, [identity])
         changes = [*self._changes, self._places(gone)]
         return CarriedInPlane(self._source, identity, self.pose, new, came, went.numpy(), changes)
+
+    def _keep_whole_numbers(self, number: int) -> None:
+        """Let parts of the ground that nobody can leave have the numbers that they ask for: others may have been there by chance."""
+        launcher, model = self._launcher, self._model
+        if not has_parts(launcher, model):
+            return
+        before = self.pose.numpy()[:, :2]
+        position = before * np.float64(model.unit)
+        moved = move_between_parts(launcher, model, position, number, self._source.numpy() < 0)
+        if len(moved):
+            to = launcher.own_array((position[moved] / model.unit).astype(np.float32), wp.vec2)
+            self._changes += [launcher.own_array(before[moved], wp.vec2), to]
+            self._put_down(moved, to)
 
     def _places(self, body: wp.array) -> wp.array:
         """Where some old bodies were, in the new model's unit, ``wp.vec2``."""

@@ -10,15 +10,19 @@ import warp as wp
 
 from ..device.launcher import Launcher
 from ..device.marked import numbers_of_marked
+from ..problem.domain import Domain
 from ..problem.image_filters import gaussian_blur
 from ..problem.problem import Problem
+from ..space.density import sample_density
 from ..space.part import Part
+from ..space.parts_of_ground import PartsOfGround
 from . import kernels_edit
 from .asked_shares import are_asked_alike, asked_share, cells_for
 from .attraction import BLUR_OF_FIXED
 from .kernels_edit import Density, Fate, Total
 from .model import Model
 from .nearest_free import nearest_free
+from .numbers_in_parts import parts_of_classes
 
 __all__ = ["Rows", "SizeEdit", "compare_size", "list_bodies", "read_numbers"]
 
@@ -150,6 +154,11 @@ def compare_size(
         asked.there = float(pool_count)
         if len(used) or old.has_fixed:
             asked.share_before = _without_pinned(launcher, model, class_index, old, pool, used, pose, asked)
+        ground = parts_of_classes(launcher, model)[class_index]
+        if ground is not None:
+            free = np.flatnonzero(~used[pool]) if len(used) else np.arange(in_pool)
+            position = pose.numpy()[pool, :2][free] * np.float64(old.unit)
+            asked.share_before = _as_they_are(launcher, ground, model.problem.rectangle, position, asked, part)
     ratio = launcher.empty(cells * cells, float)
     sums = launcher.zeros((launcher.thread_count, len(Total), kernels_edit.SLOTS), wp.int64)
     launcher.launch(kernels_edit.compare_cells, cells * cells, [asked], [ratio, sums], per_thread=True)
@@ -235,6 +244,44 @@ def _without_pinned(
             there = np.maximum(there + sign * blurred, 0.0)
     total = there.sum()
     return asked.share_before if total <= 0.0 else launcher.array((there / total).ravel().astype(np.float32), float)
+
+
+def _as_they_are(
+    launcher: Launcher,
+    ground: PartsOfGround,
+    domain: Domain,
+    position: np.ndarray,
+    asked: kernels_edit.Asked,
+    part: Part | None,
+) -> wp.array:
+    """Shares of those that were there, of which each part of the ground now has as many as there are; see :func:`compare_size`.
+
+    Along a river that is new there may be more or fewer by chance, who cannot cross it any more.
+
+    Args:
+        launcher: Where to run.
+        ground: The parts of the class's density after the edit.
+        domain: The domain.
+        position: Where those that may be chosen are [m], shape ``[m, 2]``.
+        asked: What is asked for in cells, and was.
+        part: What these are cells of.
+    """
+    cells, whole = asked.cells, part or Part()
+    before = asked.share_before.numpy().astype(np.float64)
+    origin, extent = np.array(whole.origin(domain.size)), np.array(whole.extent(domain.size))
+    row, column = np.divmod(np.arange(cells * cells), cells)
+    label = sample_density(ground.part, origin + (np.stack([column, row], axis=1) + 0.5) * extent / cells, domain.size)
+    # Where nobody is asked for, nobody stays.
+    label = np.where(asked.share.numpy() > 0.0, label, ground.count)
+    at = np.clip(((position - origin) / extent * cells).astype(np.int64), 0, cells - 1)
+    there = np.bincount(label[at[:, 1] * cells + at[:, 0]], minlength=ground.count + 1)
+    expected = np.bincount(label, before, ground.count + 1) * asked.there
+    # One more or less is there since bodies are whole.
+    off = (np.abs(there - expected) > 1.0) & (expected > 0.0)
+    if not off[: ground.count].any():
+        return asked.share_before
+    factor = np.where(off, there / np.maximum(expected, 1e-300), 1.0)
+    return launcher.own_array((before * factor[label]).astype(np.float32), float)
 
 
 def _blurred(position: np.ndarray, problem: Problem, count: int, cells: int) -> np.ndarray:

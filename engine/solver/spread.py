@@ -62,7 +62,7 @@ class Spreading:
             return
         classes = [PreparedClass(str(i), (Size("point", 1.0, counts[i]),), _image(densities[i])) for i in self._asked]
         model = Model(Problem(domain, classes, Balance(class_separation=0.0), seed=seed))
-        self._descent = Descent(model, launcher, fewest_nodes=FEWEST_NODES)
+        self._descent = Descent(model, launcher, fewest_nodes=FEWEST_NODES, whole_numbers=False)
         if model.body_count > 1:
             self._descent.step.play(STEPS)
 

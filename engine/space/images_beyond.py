@@ -10,7 +10,7 @@ import numpy as np
 
 from ..device.launcher import Launcher
 from ..problem.connected import connected_pixels
-from .support import depth_in_support, vectors_to_support
+from .support import depth_in_support, nearest_in_support
 
 __all__ = ["AxisBeyond", "DensityBeyond", "KnownWays", "density_beyond", "image_beyond"]
 
@@ -24,8 +24,6 @@ TRIED = 16
 MOST_FINER = 6
 FEW_PIXELS = 1024
 PIXELS_OF_ONE = 2.0
-# Rows of pixels whose ways are looked at together.
-ROWS = 16
 
 
 class DensityBeyond(NamedTuple):
@@ -115,9 +113,7 @@ def density_beyond(
     pixel = np.array([size[0] / inner.shape[1], size[1] / inner.shape[0]])
     key = inner.shape, np.packbits(inner > 0.0).tobytes()
     if key not in known:
-        known[key] = (
-            _ways_beside(image.shape, pads, pixel) if (image > 0.0).all() else _ways(launcher, inner, size, pixel)
-        )
+        known[key] = _ways_beside(image.shape, pads, pixel) if (image > 0.0).all() else _ways(launcher, inner, size)
     ways = known[key]
     result = inner.ravel()[ways.nearest]
     asked = float(image.sum(dtype=np.float64))
@@ -149,18 +145,8 @@ def _ways_beside(shape: tuple[int, ...], pads: Sequence[int], pixel: np.ndarray)
     return _Ways(row[:, None] * len(at[1]) + column, away, None, None)
 
 
-def _ways(launcher: Launcher, inner: np.ndarray, size: tuple[float, float], pixel: np.ndarray) -> _Ways:
-    height, width = inner.shape
-    way = vectors_to_support(launcher, inner, size).numpy().reshape(height, width, 2)
-    nearest, away = np.empty(inner.shape, int), np.empty(inner.shape, way.dtype)
-    # A few rows at a time, which stay in the processor's cache.
-    for first in range(0, height, ROWS):
-        some = slice(first, first + ROWS)
-        right, up = way[some, :, 0], way[some, :, 1]
-        row = np.arange(height)[some, None] - np.rint(up / pixel[1]).astype(int)
-        column = np.arange(width) + np.rint(right / pixel[0]).astype(int)
-        nearest[some] = np.clip(row, 0, height - 1) * width + np.clip(column, 0, width - 1)
-        np.hypot(right, up, out=away[some])
+def _ways(launcher: Launcher, inner: np.ndarray, size: tuple[float, float]) -> _Ways:
+    nearest, away = nearest_in_support(launcher, inner, size)
     part = connected_pixels(inner > 0.0)
     of_nearest = part.ravel()[nearest] if part.max() > 0 else None
     return _Ways(nearest, away, depth_in_support(launcher, inner, size), of_nearest)

@@ -11,10 +11,12 @@ import warp as wp
 from ..device.launcher import Launcher
 from . import kernels_images, kernels_support
 
-__all__ = ["depth_in_support", "images_for_kernels", "vectors_to_support"]
+__all__ = ["depth_in_support", "images_for_kernels", "nearest_in_support", "vectors_to_support"]
 
 # Of an image that a thread takes at least.
 COLUMNS = 16
+# Rows of pixels whose ways are looked at together.
+ROWS = 16
 
 
 def images_for_kernels(
@@ -73,6 +75,24 @@ def vectors_to_support(launcher: Launcher, image: np.ndarray, size: tuple[float,
     vector = launcher.empty(image.size, wp.vec2)
     launcher.launch(kernels_support.find_vectors, height, [width, pixel_size, nearest], [vector], grain=1)
     return vector
+
+
+def nearest_in_support(
+    launcher: Launcher, image: np.ndarray, size: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the flat index of the pixel of the support that is nearest to each, and how far it is; both of the image's shape."""
+    height, width = image.shape
+    way = vectors_to_support(launcher, image, size).numpy().reshape(height, width, 2)
+    nearest, away = np.empty(image.shape, int), np.empty(image.shape, way.dtype)
+    # A few rows at a time, which stay in the processor's cache.
+    for first in range(0, height, ROWS):
+        some = slice(first, first + ROWS)
+        right, up = way[some, :, 0], way[some, :, 1]
+        row = np.arange(height)[some, None] - np.rint(up / (size[1] / height)).astype(int)
+        column = np.arange(width) + np.rint(right / (size[0] / width)).astype(int)
+        nearest[some] = np.clip(row, 0, height - 1) * width + np.clip(column, 0, width - 1)
+        np.hypot(right, up, out=away[some])
+    return nearest, away
 
 
 def depth_in_support(launcher: Launcher, image: np.ndarray, size: tuple[float, float]) -> np.ndarray:
