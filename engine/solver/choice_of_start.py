@@ -34,8 +34,12 @@ MOST_STARTS_OF_GROUPS = 60
 # have. Of squares and domains ten times longer than wide, which have some thousand nodes, it leaves all starts.
 MOST_STARTS_OF_NODES = 2**19
 # Energies a body that differ by no more than this are equal; and those of several classes that are near enough to choose the one of
-# which no class has two bodies close to each other.
-EQUAL, NEARLY_EQUAL = 1e-5, 2e-3
+# which no class has two bodies close to each other. A little farther up there may be much larger spacings: if none of those is more
+# than so large a share of these, it is the least energy with such a one. Measured on three classes of ten in six seeds, in units of
+# what a class has alone: on 9 m x 5 m smallest spacings are .89 to .98 instead of .80 to .92, for .0015 a body; on a square nothing
+# changes.
+EQUAL, NEARLY_EQUAL, NOT_FAR = 1e-5, 2e-3, 6e-3
+LARGE = 0.95
 
 
 def choose_start(descent: Descent, max_steps: int, tolerance: float, go_on: Callable[[], bool] | None = None) -> int:
@@ -116,7 +120,10 @@ def _best_of(energy: np.ndarray, spacing: np.ndarray, *, several: bool) -> int:
     """
     energy = np.nan_to_num(energy, nan=np.inf)
     if several:
-        spacing = np.where(energy <= energy.min() + NEARLY_EQUAL, spacing, -1.0)
-        return int(np.flatnonzero(spacing >= (1.0 - EQUAL) * spacing.max())[0])
+        near, not_far = (np.where(energy <= energy.min() + above, spacing, -1.0) for above in (NEARLY_EQUAL, NOT_FAR))
+        large = LARGE * not_far.max()
+        if near.max() < large:
+            return int(np.where(not_far >= large, energy, np.inf).argmin())
+        return int(np.flatnonzero(near >= (1.0 - EQUAL) * near.max())[0])
     # The first of equal ones: they are often the same, turned or mirrored.
     return int(np.flatnonzero(energy <= energy.min() + EQUAL)[0])

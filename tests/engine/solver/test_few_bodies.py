@@ -104,6 +104,21 @@ def test_each_of_a_few_small_classes_is_nearly_as_even_as_alone(counts):
             assert own_spacing(placement.position[placement.class_index == c]) >= 0.85 * alone
 
 
+@pytest.mark.parametrize("size", [(9.0, 5.0), (10.0, 3.0)])
+def test_so_is_each_on_a_ground_that_is_not_square(size):
+    """There the least energies have classes with two bodies that are near each other: .80 of what they have alone."""
+
+    def solved(names, seed):
+        classes = [BodyClass(name, [Size("s", 1e-4, 10)]) for name in names]
+        return solve(Problem(Domain(size), classes, seed=seed), device="cpu")
+
+    alone = own_spacing(solved("a", 1).position)
+    for seed in (40, 42, 45):
+        placement = solved("abc", seed)
+        for c in range(3):
+            assert own_spacing(placement.position[placement.class_index == c]) >= 0.85 * alone
+
+
 @pytest.mark.parametrize("boundary", ["open", "periodic", "mirror"])
 def test_a_chosen_start_is_an_ordinary_one(boundary):
     """What is watched are the steps from it to what is returned, and it is the same every time."""
