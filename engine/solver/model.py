@@ -231,6 +231,16 @@ class Model:
         self.charge = replace(self.charge, charge=charge * (len(charge) / charge.sum()))
         self.interaction = _within_range(self.groups.matrix, self.charge.charge)
 
+    def acts_as(self, other: Model) -> bool:
+        """Whether there are as many bodies as in another model, which act on each other in the same ways."""
+        return (
+            self.problem.regularity == other.problem.regularity
+            and self.problem.avoid_overlap == other.problem.avoid_overlap
+            and np.array_equal(self.groups.matrix, other.groups.matrix)
+            and np.array_equal(self.charge.charge, other.charge.charge)
+            and np.array_equal(self.body.group, other.body.group)
+        )
+
     def meeting(self, launcher: Launcher, order: np.ndarray | None = None, others: int = 0) -> Meeting:
         """Which bodies keep apart, in this order, for kernels; behind them there are ``others``, which all of them keep off.
 

@@ -11,6 +11,7 @@ from ..device.launcher import Recording
 from . import kernels_plane_settling
 from .carried_over import CarriedInPlane
 from .descent import Descent
+from .model import Model
 from .settling import Held, Schedule, most_free, reach, settle
 
 __all__ = ["settle_in_plane"]
@@ -28,14 +29,25 @@ FREE_FOR_EACH = 2.2
 # to 1.31, and 1.13 to 1.24. Discs: 1.03 to 1.26. Of those far from the stroke .80 to .83 stay.
 FEW_BODIES, MANY_BODIES = 5_000, 200_000
 OF_FEW, OF_SOME = Schedule(24, 6, 0.203), (3, 0.203)
+OF_NO_CHANGE = Schedule(0, 0, 0.2)
 
 CORNERS = 4
 
 
-def settle_in_plane(descent: Descent, carried: CarriedInPlane, steps: int) -> None:
-    """Take the steps after an edit; where nobody came, went or was moved, there are no others than these ``steps``."""
+def settle_in_plane(descent: Descent, carried: CarriedInPlane, before: Model, steps: int) -> None:
+    """Take the steps after an edit.
+
+    Args:
+        descent: Of the bodies after it.
+        carried: Who they are.
+        before: The model before it.
+        steps: How many to take; where nobody came, went or was moved there are no others.
+    """
     if any(len(places) for places in carried.changes):
         settle(descent.launcher, descent.step, _HeldInPlane(descent, carried), steps)
+    elif descent.model.acts_as(before):
+        # Who has been held by an edit before is not let go by one that changes nothing, such as pinning a body where it is.
+        settle(descent.launcher, descent.step, _HeldInPlane(descent, carried, OF_NO_CHANGE), steps)
     else:
         descent.step.play(steps)
 
@@ -47,13 +59,16 @@ def _schedule(body_count: int) -> Schedule:
 
 
 class _HeldInPlane(Held):
-    """Those of a descent of a rectangle before its first step; ``carried`` says who they are."""
+    """Those of a descent of a rectangle before its first step; ``carried`` says who they are.
 
-    def __init__(self, descent: Descent, carried: CarriedInPlane) -> None:
+    Without a change all are as near to one as others.
+    """
+
+    def __init__(self, descent: Descent, carried: CarriedInPlane, schedule: Schedule | None = None) -> None:
         model = descent.model
         self._descent = descent
         self.body_count = model.body_count
-        self.schedule = _schedule(model.body_count)
+        self.schedule = schedule or _schedule(model.body_count)
         changed = max(len(carried.came), len(carried.went))
         self.most_free = most_free(self.schedule.free, model.body_count, changed, FREE_FOR_EACH)
         _, (width, height) = descent.around
@@ -126,6 +141,8 @@ class _HeldInPlane(Held):
         cells.origin, cells.size = wp.vec2(*origin), wp.vec2(*size)
         cells.near = launcher.empty(cells.rows * cells.columns, wp.uint8)
         marked = launcher.zeros(cells.rows * cells.columns, wp.int32)
+        if not any(len(places) for places in changes):
+            marked.fill_(1)
         for places in changes:
             launcher.launch(kernels_plane_settling.mark_places, len(places), [places, cells], [marked])
         space = model.space.for_kernels()

@@ -275,9 +275,10 @@ class Solver:
             if isinstance(self.descent, SurfaceDescent):
                 added, removed, take_steps = self._edit_on_surface(problem, self.descent)
             else:
+                before = self.model
                 carried = self._edit_in_rectangle(problem, self.descent)
                 added, removed = carried.came, carried.went
-                take_steps = partial(settle_in_plane, self.descent, carried)
+                take_steps = partial(settle_in_plane, self.descent, carried, before)
         self._next_identity = max(self._next_identity, int(added.max(initial=-1)) + 1)
         if steps:
             take_steps(steps)

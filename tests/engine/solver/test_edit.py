@@ -220,6 +220,26 @@ def test_a_body_is_pinned_where_it_is_and_nothing_else_happens(settled):
         assert set(again.id.tolist()) == set(before.id.tolist())
 
 
+@pytest.mark.parametrize("pins", [True, False])
+def test_an_edit_that_moves_nobody_does_not_let_go_of_all(pins):
+    """Who was held by edits before is not settled: of several classes two fifths moved when a body was pinned where it was."""
+    with Solver(problem_of(), device="cpu") as solver:
+        solver.run(6)
+        before = solver.placement()
+        more = {"fixed": FixedBodies.of_placement(before, [7]), "include_fixed": True} if pins else {}
+        edit = solver.edit(problem_of(**more))
+        assert len(edit.added) == len(edit.removed) == 0
+        assert (moved(before, solver.placement())[0] < 0.1).mean() > 0.79
+
+
+def test_where_bodies_act_on_each_other_in_another_way_all_are_free():
+    with Solver(problem_of(), device="cpu") as solver:
+        solver.run(6)
+        before = solver.placement()
+        solver.edit(problem_of(regularity=0.5))
+        assert (moved(before, solver.placement())[0] < 0.1).mean() < 0.75
+
+
 def test_a_pinned_body_that_is_moved_makes_the_others_move(settled):
     with solver_at(settled) as solver:
         before = solver.placement()
