@@ -26,6 +26,8 @@ from .numbers_in_parts import parts_of_classes
 
 __all__ = ["Rows", "SizeEdit", "compare_size", "list_bodies", "read_numbers"]
 
+# Bodies of a size that may be too many or too few in a part of the ground for no more to be done about it than to move some.
+MOST_OFF = 2.0
 # Indices of bodies: int32, or a range where they follow each other, which need not be listed.
 Rows = np.ndarray | range
 
@@ -276,8 +278,8 @@ def _as_they_are(
     at = np.clip(((position - origin) / extent * cells).astype(np.int64), 0, cells - 1)
     there = np.bincount(label[at[:, 1] * cells + at[:, 0]], minlength=ground.count + 1)
     expected = np.bincount(label, before, ground.count + 1) * asked.there
-    # One more or less is there since bodies are whole.
-    off = (np.abs(there - expected) > 1.0) & (expected > 0.0)
+    # One or two more or less are not worth that all over the part some come and go.
+    off = (np.abs(there - expected) > MOST_OFF) & (expected > 0.0)
     if not off[: ground.count].any():
         return asked.share_before
     factor = np.where(off, there / np.maximum(expected, 1e-300), 1.0)

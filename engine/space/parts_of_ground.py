@@ -11,6 +11,7 @@ import numpy as np
 from ..device.launcher import Launcher
 from ..problem.connected import connected, connected_pixels
 from ..problem.morton_order import morton_order
+from .space import Space
 from .support import nearest_in_support
 
 __all__ = ["PartsOfGround", "parts_of_ground"]
@@ -73,34 +74,31 @@ class PartsOfGround:
         return pixel, np.cumsum(self.density.ravel()[pixel]), first
 
 
-def parts_of_ground(
-    launcher: Launcher, image: np.ndarray, size: tuple[float, float], bodies: int, periodic: bool
-) -> PartsOfGround | None:
+def parts_of_ground(launcher: Launcher, image: np.ndarray, space: Space, bodies: int) -> PartsOfGround | None:
     """Find the parts of a density; None where it is one.
 
     Args:
         launcher: Where to run.
         image: The density, shape ``[height, width]``.
-        size: Extent of the domain [m].
+        space: The domain.
         bodies: How many follow it.
-        periodic: Whether opposite edges are joined.
     """
     if float(image.min()) >= LITTLE * float(image.max()):
         return None
-    spacing = math.sqrt(size[0] * size[1] / bodies)
-    density = _pooled(image, [length * PIXELS_PER_SPACING / spacing for length in size[::-1]])
+    spacing = math.sqrt(space.area / bodies)
+    density = _pooled(image, [length * PIXELS_PER_SPACING / spacing for length in space.size[::-1]])
     density /= density.sum()
     enough = density > LITTLE * float((density**2).sum())
     part = connected_pixels(enough)
-    if periodic:
+    if space.periodic:
         part = _joined(part)
     share = np.bincount(part[enough], density[enough])
     large = share * bodies >= FEWEST_OF_PART
     if not 2 <= large.sum() <= MOST_PARTS:
         return None
     number = np.append(np.where(large, np.cumsum(large) - 1, -1), -1)[part]
-    nearest, _ = nearest_in_support(launcher, (number >= 0).astype(np.float32), size)
-    return PartsOfGround(density, number.ravel()[nearest])
+    nearest, _ = nearest_in_support(launcher, (number >= 0).astype(np.float32), space.size)
+    return PartsOfGround(density, number.astype(np.int32).ravel()[nearest])
 
 
 def _pooled(image: np.ndarray, pixels: list[float]) -> np.ndarray:
