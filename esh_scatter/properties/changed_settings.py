@@ -18,6 +18,9 @@ PAINTED, EDITED = " painted", " edited"
 # What is said where a target was changed for another, and under which key the name of a collection is kept that is one.
 TARGET, TARGET_KIND, COLLECTION = "target", "target kind", "scatter.target_collection"
 
+# What says what a size places.
+SOURCES = ("source_kind", "source_object", "source_collection")
+
 
 def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[str]:
     """Name what differs between two records, with the words of the sidebar; never empty."""
@@ -88,7 +91,11 @@ def _differing_class(before: dict[str, Any], now: dict[str, Any], uid: str, grou
         return [*found, f"sizes of {group.name}"]
     for number, (size_before, size_now, size) in enumerate(zip(old["sizes"], new["sizes"], group.sizes, strict=True)):
         where = group.name if len(group.sizes) == 1 else f"{group.name}, {size.name}"
-        found += _of(where, _differing(size_before, size_now, size, _within(name_of, f"{number}."), size.unused))
+        # An object or a collection: of which kind it is, and which one, is one change.
+        told = SOURCES if size_before.get("source_kind") != size_now.get("source_kind") else ()
+        found += [f"what {where} places"] if told else []
+        then, there = ({key: one[key] for key in one if key not in told} for one in (size_before, size_now))
+        found += _of(where, _differing(then, there, size, _within(name_of, f"{number}."), size.unused))
     return found
 
 

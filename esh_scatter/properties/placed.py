@@ -46,10 +46,16 @@ def replaced(scatter: Any) -> list[str]:
     names = {c.uid: c.name for c in scatter.classes}
     for entry in scatter.placed:
         # Classes and sizes that are gone are told with the settings.
-        chosen = now.get((entry.uid, entry.size))
-        if chosen is not None and chosen != (entry.collection or entry.item):
+        before, chosen = entry.collection or entry.item, now.get((entry.uid, entry.size))
+        if chosen is None or chosen == before:
+            continue
+        if not entry.uid:
+            found.append("target")
+        elif before is not None and type(chosen) is not type(before):
+            found.append(f"what {names[entry.uid]} places")
+        else:
             kind = "collection" if isinstance(chosen, bpy.types.Collection) else "object"
-            found.append(f"{kind} of {names[entry.uid]}" if entry.uid else "target")
+            found.append(f"{kind} of {names[entry.uid]}")
     return list(dict.fromkeys(found))
 
 

@@ -19,16 +19,12 @@ from .panel_parts import (
     draw_list,
     draw_property,
     draw_settings,
-    field_width,
-    text_width,
+    text_of_field,
     write_header,
     write_text,
 )
 
 __all__ = ["CLASSES"]
-
-# What icon and buttons of the field that says what is placed take of it [pixels at an interface scale of 1].
-SOURCE_BUTTONS = 74
 
 
 class _ClassPanel(SubPanel):
@@ -175,10 +171,8 @@ def _draw_source(context: bpy.types.Context, column: bpy.types.UILayout, size: b
     draw_property(context, column, size, "source_kind")
     source = column.row(align=True)
     source.alert = size.source is None or bool(size.deleted)
-    # Without its name, the field has the whole line.
-    is_cut = size.source is not None and text_width(context, size.source.name) > field_width(context) - SOURCE_BUTTONS
-    text = {"text": ""} if is_cut else {}
-    source.prop(size, "source_object" if size.source_kind == "OBJECT" else "source_collection", **text)
+    name = "source_object" if size.source_kind == "OBJECT" else "source_collection"
+    source.prop(size, name, **text_of_field(context, size.source))
     beside = source.row(align=True)
     beside.alert = False
     draw_choice_of_asset(beside)
@@ -205,6 +199,7 @@ def _draw_variants(column: bpy.types.UILayout, size: bpy.types.PropertyGroup) ->
     members = members_of(size.source)
     if len(members) < 2:
         return
+    column.label(text="How Often Each Is Placed")
     rows = column.column(align=True)
     for entry in size.variants:
         if entry.item in members:

@@ -24,6 +24,7 @@ __all__ = [
     "field_width",
     "fits_line",
     "is_narrow",
+    "text_of_field",
     "text_width",
     "units_of",
     "width_of",
@@ -41,6 +42,8 @@ MARGINS, ICON = 56, 26
 PARTED, CHECKBOX, CHOICE = 0.42, 28, 42
 # What the buttons beside the name of an image take.
 IMAGE_BUTTONS = 150
+# What the icon and the buttons of a field that holds an object or a collection take of it.
+ITEM_BUTTONS = 74
 # What a label leaves free around its text, and how wide a unit of a layout is.
 AROUND, UNIT = 12, 20
 # One of so many letters that are left of a name that is cut in its middle is before the dots.
@@ -147,6 +150,12 @@ def draw_property(
     row = layout.row()
     row.use_property_split = text_width(context, told.name) <= room
     row.prop(group, name, slider=slider)
+
+
+def text_of_field(context: bpy.types.Context, item: bpy.types.ID | None) -> dict[str, str]:
+    """Return the text of a field: none, so that it has the whole line, where the name of what it holds would be cut."""
+    is_cut = item is not None and text_width(context, item.name) > field_width(context) - ITEM_BUTTONS
+    return {"text": ""} if is_cut else {}
 
 
 def draw_image(

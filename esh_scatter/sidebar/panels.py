@@ -29,7 +29,17 @@ from ..targets.in_scenes import is_in
 from ..targets.target import is_result
 from . import class_panels, report_panel
 from .density_panel import is_painted
-from .panel_parts import Panel, SubPanel, draw_list, draw_property, draw_settings, fits_line, is_narrow, write_text
+from .panel_parts import (
+    Panel,
+    SubPanel,
+    draw_list,
+    draw_property,
+    draw_settings,
+    fits_line,
+    is_narrow,
+    text_of_field,
+    write_text,
+)
 from .preset_pictures import draw_pictures
 
 __all__ = ["CLASSES"]
@@ -79,7 +89,7 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
         choice = row.row()
         choice.alert = scatter.chosen_target is None
         # Beside its icon it needs no label where there is no room for it.
-        text = {"text": ""} if is_narrow(context) else {}
+        text = {"text": ""} if is_narrow(context) else text_of_field(context, scatter.chosen_target)
         choice.prop(scatter, "target" if scatter.target_kind == "OBJECT" else "target_collection", **text)
         row.prop(scatter, "target_kind", text="", icon_only=True)
         layout.separator(factor=0.5)

@@ -375,6 +375,28 @@ def test_the_name_of_what_is_placed_has_the_whole_line_where_it_would_be_cut(nam
     assert ("source_object", where) in rows
 
 
+def test_the_name_of_a_target_has_the_whole_line_where_it_would_be_cut(monkeypatch):
+    scatter = ready_scatter()
+    drawn = {}
+    for name in ("Ground", "Example Ground"):
+        scatter.target.name = name
+        drawn[name] = []
+        monkeypatch.setattr(Layout, "prop", Named.prop)
+        panels.ESH_PT_scatter.draw(SimpleNamespace(layout=Layout(drawn[name])), shown_context(280))
+    assert ("target", "beside") in drawn["Ground"] and ("target", "nowhere") in drawn["Example Ground"]
+
+
+def test_of_the_objects_of_a_collection_it_is_said_that_their_numbers_are_how_often_each_is_placed():
+    size = ready_scatter().classes[0].sizes[0]
+    stones = bpy.data.collections.new("Stones")
+    for name in ("Boulder", "Chip"):
+        stones.objects.link(bpy.data.objects.new(name, size.source_object.data))
+    size.source_kind, size.source_collection = "COLLECTION", stones
+    drawn = draw_all()
+    begin = drawn.index("How Often Each Is Placed")
+    assert drawn[begin + 1 : begin + 3] == ["weight", "weight"]
+
+
 def test_names_that_begin_alike_are_cut_where_they_do_not_differ():
     """Blender would cut off their ends; the selected one can be renamed in its row, and the panel below has all of its name."""
     scatter = ready_scatter()

@@ -172,6 +172,18 @@ def places(scatter):
     }
 
 
+def test_an_object_changed_for_a_collection_is_one_change(scattered):
+    scatter, (flowers, trees) = scattered, [one.sizes[0].source_collection for one in scattered.classes]
+    size = scatter.classes[0].sizes[0]
+    size.source_kind, size.source_object = "OBJECT", flowers.objects[0]
+    assert bpy.ops.esh.scatter() == {"FINISHED"} and scatter.changes() == []
+    size.source_kind, size.source_collection = "COLLECTION", trees
+    assert scatter.changes() == [f"what {scatter.classes[0].name} places"]
+    assert bpy.ops.esh.scatter() == {"FINISHED"} and scatter.changes() == []
+    size.source_kind = "ASSET"
+    assert scatter.changes() == [f"what {scatter.classes[0].name} places"]
+
+
 @pytest.mark.parametrize("apart", [True, False])
 def test_weights_of_objects_with_equal_footprints_are_followed_at_once(scattered, apart):
     scattered.avoid_overlap = apart
