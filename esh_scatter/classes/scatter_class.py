@@ -24,6 +24,7 @@ from ..densities.image_pixels import image_pixels
 from ..targets.target import check_exists
 from .amount import Amount
 from .directions import DirectionSource
+from .standing import turns_any_way
 
 __all__ = [
     "ScatterClass",
@@ -244,9 +245,7 @@ def standing_of(scatter_class: ScatterClass, settings: ScatterSettings) -> Stand
 
 def turns_freely(scatter_class: ScatterClass, settings: ScatterSettings) -> bool:
     """Tell whether objects of a class may be turned in any direction, so that they may turn on from what was drawn for them."""
-    # The sidebar keeps 32 bits of an angle.
-    any_direction = float(np.nextafter(np.float32(2.0 * math.pi), np.float32(0.0)))
-    return scatter_class.look_at is None and standing_of(scatter_class, settings).random_turn >= any_direction
+    return scatter_class.look_at is None and turns_any_way(standing_of(scatter_class, settings))
 
 
 def color_of(scatter_class: ScatterClass) -> tuple[float, ...]:

@@ -17,7 +17,7 @@ from ...engine.problem.scatter_settings import Standing
 from ...engine.problem.slopes import LEVEL, lengthened, slope_of_normal, tilts
 from ...engine.surface.instances import body_rotations, rotate
 
-__all__ = ["LOWEST", "STEEPEST", "Ground", "Stand", "Unread", "draw", "stand", "turns_towards"]
+__all__ = ["LOWEST", "STEEPEST", "Ground", "Stand", "Unread", "draw", "stand", "turns_any_way", "turns_towards"]
 
 # What touches the ground where it is not the origin.
 LOWEST = "lowest"
@@ -80,6 +80,12 @@ class Stand(NamedTuple):
     scale: np.ndarray
     to_origin: np.ndarray
     height: np.ndarray
+
+
+def turns_any_way(standing: Standing) -> bool:
+    """Tell whether objects may be turned in any direction: then those that are parted turn on from what was drawn for them."""
+    # The sidebar keeps 32 bits of an angle.
+    return standing.random_turn >= float(np.nextafter(np.float32(2.0 * math.pi), np.float32(0.0)))
 
 
 def draw(standing: Standing, identity: np.ndarray, long: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...engine.problem.look_at import LookAt
 from ...engine.problem.scatter_settings import Standing
-from ..classes.standing import Ground, stand, turns_towards
+from ..classes.standing import Ground, stand, turns_any_way, turns_towards
 from ..targets.evaluated_mesh import in_world
 from ..targets.mesh_attributes import read_attribute, write_attribute
 from .attributes import (
@@ -117,6 +117,10 @@ def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing, 
         read_attribute(mesh, LOOKS) if LOOKS in mesh.attributes else np.zeros(count, bool),
         _lowest_points(mesh),
     ).part(own)
+    if not turns_any_way(standing):
+        # They turned as they fitted; the next run leaves them what is drawn for them, and so nothing else is shown.
+        pinned = read_attribute(mesh, PINNED)[own] if PINNED in mesh.attributes else np.zeros(len(own), bool)
+        ground.heading[~(ground.long | ground.looks | pinned)] = 0.0
     new = stand(standing, ground, int(mesh[SEED]))
     to_origin, position = read_attribute(mesh, TO_ORIGIN), read_attribute(mesh, "position")
     position[own] += new.to_origin - to_origin[own]

@@ -4,20 +4,14 @@ What happens is done with the mouse and the keyboard only, beside files that are
 """
 
 import json
-import shutil
-import sys
-from pathlib import Path
 
 import bpy
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parent))
 import window_hand as hand
 import window_steps as steps
 from window_scene import ask_for, begin, fill_in, on_screen, positions, scatter, update, values
 from window_steps import answer, take_screenshot
 
-LONGEST_WALK = 240.0
 PRESET = "woods.json"
 
 
@@ -210,8 +204,6 @@ def appended():
     take_screenshot("bring-11-updated.png")
 
 
-# Without xdotool there is no hand.
-answer["mouse"] = shutil.which("xdotool") is not None
 WALKS = (
     begin,
     asset_dropped,
@@ -222,12 +214,4 @@ WALKS = (
     preset_imported,
     appended,
 )
-steps.run(
-    [
-        (steps.install, 2.0),
-        (open_browser, 2.0),
-        (set_stage, 2.0),
-        *((steps.within(LONGEST_WALK, hand.step_of(walk)), 0.02) for walk in WALKS if answer["mouse"]),
-        (steps.end, 1.0),
-    ]
-)
+hand.take(WALKS, set_stage, opening=open_browser)

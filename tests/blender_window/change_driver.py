@@ -5,24 +5,22 @@ says which of the walks is taken.
 """
 
 import math
-import shutil
-import sys
-from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Vector
-
-sys.path.insert(0, str(Path(__file__).parent))
 import window_hand as hand
 import window_steps as steps
+from mathutils import Vector
 from window_scene import (
     LONGEST_RUN,
+    LONGEST_UPDATE,
     ask_for,
+    at_rest,
     begin,
     fill_in,
     idle,
     instances,
+    live,
     on_screen,
     positions,
     scatter,
@@ -31,7 +29,6 @@ from window_scene import (
 )
 from window_steps import answer, take_screenshot
 
-LONGEST_WALK, LONGEST_UPDATE = 240.0, 30.0
 # How high the ground rises in its middle, and in which frame it has [m].
 HILL, LAST_FRAME = 3.0, 20
 # The camera stands so high over this place, and sees as far to each side [m].
@@ -120,10 +117,7 @@ def displayed():
         take_screenshot(f"change-2-{key}.png")
     yield from hand.press(inputs["Culling"], across=0.7, first=top)
     yield 0.5
-    yield from hand.press(inputs["Margin"], across=0.7, first=top, times=2)
-    yield from hand.keys("ctrl+a")
-    yield from hand.write("0")
-    yield from hand.keys("Return")
+    yield from hand.enter(inputs["Margin"], "0", across=0.7, first=top)
     yield 0.5
     answer["culled"] = *(int(_in_view(place).sum()) for place in (shown()[1], positions())), instances(), everything
     take_screenshot("change-3-culled.png")
@@ -139,7 +133,7 @@ def _in_view(place):
 
 
 def _inputs():
-    module = next(module for name, module in sys.modules.items() if name.endswith("esh_scatter.result.display"))
+    module = steps.ours("result.display")
     return dict(module._inputs(module.our_modifier(scatter().result)))
 
 
@@ -153,17 +147,6 @@ def _drawn():
             number += 1
             corners = max(corners, len(one.object.data.vertices))
     return number, corners, points
-
-
-def live():
-    """What follows the scatter; None while nothing does."""
-    module = next(module for name, module in sys.modules.items() if name.endswith("esh_scatter.solving.live"))
-    return module._followed.get((bpy.context.scene.session_uid, scatter().uid))
-
-
-def at_rest():
-    follower = live()
-    return follower is not None and not follower.busy and not scatter().outdated and idle()
 
 
 def on_rock(place=None):
@@ -358,10 +341,7 @@ def kept():
 def asked_before_many():
     """From a number on, Update asks: a click beside the question leaves all as it is, the key of the button does not."""
     top = yield from hand.turn_panel("ESH_PT_display")
-    yield from hand.press("].cap", across=0.7, first=top, times=2)
-    yield from hand.keys("ctrl+a")
-    yield from hand.write("100")
-    yield from hand.keys("Return")
+    yield from hand.enter("].cap", "100", across=0.7, first=top)
     yield from hand.turn_panel("ESH_PT_display", is_open=False, first=top - 40)
     report = scatter().report_json
     yield from hand.press("esh.scatter(")
@@ -426,18 +406,8 @@ def asked_before_it_is_lost():
     answer["back"] = float(np.linalg.norm(positions()[values("id") == number][0] - place))
 
 
-# Without xdotool there is no hand.
-answer["mouse"] = shutil.which("xdotool") is not None
 WALKS = {
     "following": (begin, bent, displayed, lives, obstacle_moved, count_dragged, instance_moved),
     "answering": (begin, may_overlap, kept, asked_before_many, moved_by_hand, asked_before_it_is_lost),
 }
-steps.run(
-    [
-        (steps.install, 2.0),
-        (steps.open_sidebar, 2.0),
-        (set_stage if sys.argv[-1] == "following" else fill_in, 2.0),
-        *((steps.within(LONGEST_WALK, hand.step_of(walk)), 0.02) for walk in WALKS[sys.argv[-1]] if answer["mouse"]),
-        (steps.end, 1.0),
-    ]
-)
+hand.take(WALKS[steps.ARGUMENTS[0]], set_stage if steps.ARGUMENTS[0] == "following" else fill_in)

@@ -3,14 +3,7 @@
 Then it shows the assets that a class of it could place.
 """
 
-import shutil
-import sys
-import time
-from pathlib import Path
-
 import bpy
-
-sys.path.insert(0, str(Path(__file__).parent))
 import window_steps as steps
 from window_steps import answer
 
@@ -50,9 +43,6 @@ def browser():
 
 def drop():
     steps.take_screenshot("presets.png")
-    answer["mouse"] = shutil.which("xdotool") is not None
-    if not answer["mouse"]:
-        return
     window, _, viewport = steps.view()
     region = next(one for one in browser().regions if one.type == "WINDOW")
     begin = region.x + 60, window.height - (region.y + region.height - 60)
@@ -62,20 +52,17 @@ def drop():
         for k in range(21)
     ]
     steps.drag([*way, end, end], 3.0)
-    answer["deadline"] = time.time() + LONGEST_RUN
 
 
 def finished():
-    if not answer["mouse"]:
-        return True
     scatter = bpy.context.scene.esh_scatter.active
-    if (scatter is None or scatter.result is None) and time.time() < answer["deadline"]:
+    if scatter is None or scatter.result is None or not scatter.report_json:
         return False
     ground = bpy.data.objects["Ground"]
     answer["modifiers"] = [one.name for one in ground.modifiers]
     answer["scatters"] = [one.name for one in bpy.context.scene.esh_scatter.scatters]
-    answer["placed"] = len(scatter.result.data.vertices) if scatter and scatter.result else 0
-    answer["asked"] = sum(one.count for one in scatter.classes) if scatter else 0
+    answer["placed"] = len(scatter.result.data.vertices)
+    answer["asked"] = sum(one.count for one in scatter.classes)
     answer["groups"] = [one.name for one in bpy.data.node_groups if "esh_preset" in one]
     return True
 
@@ -85,9 +72,8 @@ def look():
 
 
 def show_shelf():
-    if answer["mouse"]:
-        with steps.window_context():
-            answer["shelf"] = sorted(bpy.ops.esh.source_from_shelf("INVOKE_DEFAULT"))
+    with steps.window_context():
+        answer["shelf"] = sorted(bpy.ops.esh.source_from_shelf("INVOKE_DEFAULT"))
 
 
 def look_at_shelf():
@@ -96,14 +82,12 @@ def look_at_shelf():
 
 steps.run(
     [
-        (steps.install, 2.0),
-        (fill_in, 2.0),
+        fill_in,
         (show_presets, 6.0),
         (drop, 1.0),
-        (finished, 2.0),
-        (look, 0.5),
+        (steps.within(LONGEST_RUN, finished), 0.3),
+        look,
         (show_shelf, 2.0),
-        (look_at_shelf, 0.5),
-        (steps.end, 1.0),
+        look_at_shelf,
     ]
 )

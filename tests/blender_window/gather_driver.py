@@ -4,21 +4,15 @@ What happens is done with the mouse and the keyboard only, beside the scene at t
 """
 
 import math
-import shutil
-import sys
-from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Vector
-
-sys.path.insert(0, str(Path(__file__).parent))
 import window_hand as hand
 import window_steps as steps
-from window_scene import SIDE, begin, fill_in, idle, on_screen, positions, scatter, update, values
+from mathutils import Vector
+from window_scene import LONGEST_UPDATE, SIDE, at_rest, begin, fill_in, on_screen, positions, scatter, update, values
 from window_steps import answer, take_screenshot
 
-LONGEST_WALK, LONGEST_UPDATE = 240.0, 30.0
 # From where to where the ground is sculpted [m], and how large the brush is [pixels].
 FROM, TO, BRUSH = (-8.0, 6.0), (-2.0, 6.0), 60
 # What beeches look at, and the line along which the path goes [m].
@@ -110,11 +104,8 @@ def looked_at():
     top = yield from hand.turn_panel("ESH_PT_density", is_open=False, first=top + 20)
     top = yield from hand.turn_panel("ESH_PT_standing", first=top)
     yield from hand.press("].use_look_at", across=0.5, first=top)
-    yield from hand.press("].look_at_object", across=0.6, first=top)
+    yield from hand.choose("].look_at_object", "Tower", first=top)
     yield 0.5
-    yield from hand.write("Tower")
-    yield from hand.keys("Return")
-    yield 1.0
     shown = bpy.context.evaluated_depsgraph_get().object_instances
     own = [one.matrix_world.copy() for one in shown if one.is_instance and one.object.original.name == "Beech"]
     # Their fronts are along -Y.
@@ -140,11 +131,7 @@ def led_around():
     yield from hand.click(on_screen((-13.0, -9.0, 0.0)))
     top = yield from hand.turn_panel("ESH_PT_obstacles")
     yield from hand.press("esh.obstacle_add", first=top)
-    yield from hand.press("].item", across=0.6, first=top)
-    yield 0.5
-    yield from hand.write("Path")
-    yield from hand.keys("Return")
-    yield 0.5
+    yield from hand.choose("].item", "Path", first=top)
     answer["width"] = scatter().obstacles[0].item.name, scatter().obstacles[0].width
     take_screenshot("gather-6-path.png")
     yield from hand.turn_panel("ESH_PT_obstacles", is_open=False, first=top - 40)
@@ -156,7 +143,7 @@ def led_around():
 def sculpted():
     """A stroke of Draw raises the ground under Live; objects stand on it once the brush is lifted."""
     yield from hand.press("].live", across=0.75)
-    yield from hand.until(_at_rest, LONGEST_UPDATE, "Live to follow")
+    yield from hand.until(at_rest, LONGEST_UPDATE, "Live to follow")
     ground = bpy.data.objects["Ground"]
     with steps.window_context():
         for item in bpy.context.selected_objects:
@@ -179,7 +166,7 @@ def sculpted():
     mouse = steps.drag(way, 2.0)
     yield from hand.until(lambda: mouse.poll() is not None, 10.0, "the stroke")
     yield 0.5
-    yield from hand.until(_at_rest, LONGEST_UPDATE, "Live to follow the ground")
+    yield from hand.until(at_rest, LONGEST_UPDATE, "Live to follow the ground")
     place = positions()
     answer["sculpted"] = bpy.context.mode, len(place) == len(kind), float(place[:, 2].max())
     take_screenshot("gather-8-sculpted.png")
@@ -198,21 +185,5 @@ def _ground_at(x, y):
     return place.z if hit else math.nan
 
 
-def _at_rest():
-    module = next(module for name, module in sys.modules.items() if name.endswith("esh_scatter.solving.live"))
-    follower = module._followed.get((bpy.context.scene.session_uid, scatter().uid))
-    return follower is not None and not follower.busy and not scatter().outdated and idle()
-
-
-# Without xdotool there is no hand.
-answer["mouse"] = shutil.which("xdotool") is not None
 WALKS = (begin, from_selection, from_collection, from_image, looked_at, copied, led_around, sculpted)
-steps.run(
-    [
-        (steps.install, 2.0),
-        (steps.open_sidebar, 2.0),
-        (set_stage, 2.0),
-        *((steps.within(LONGEST_WALK, hand.step_of(walk)), 0.02) for walk in WALKS if answer["mouse"]),
-        (steps.end, 1.0),
-    ]
-)
+hand.take(WALKS, set_stage)

@@ -5,16 +5,11 @@ says which of the walks is taken.
 """
 
 import json
-import shutil
-import sys
 import time
-from pathlib import Path
 
 import bmesh
 import bpy
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parent))
 import window_hand as hand
 import window_steps as steps
 from window_scene import (
@@ -32,10 +27,11 @@ from window_scene import (
 )
 from window_steps import answer, take_screenshot
 
-LONGEST_WALK = 200.0
 PRESET = "Mushroom Clusters"
 # Where the fields of the panel of the last operation are, from the mouse that it is opened below, and how far apart [pixels].
 LAST_ACROSS, LAST_DOWN, LINE = 209, 51, 22
+# How far the menu that leads back to instances is below the upper edge of the button that was in its panel before [pixels].
+BACK_DOWN = 101
 # Where the checkboxes and the eyes of the list of classes are, and the buttons beside it, as shares of the sidebar's width.
 CHECKBOXES, EYES, BESIDE = 0.54, 0.61, 0.825
 # Where File is on the screen.
@@ -135,15 +131,12 @@ def elsewhere():
 
 def display():
     """Half of it is shown, then its bounds."""
-    module = next(module for name, module in sys.modules.items() if name.endswith("esh_scatter.result.display"))
+    module = steps.ours("result.display")
     modifier = module.our_modifier(scatter().result)
     top = yield from hand.turn_panel("ESH_PT_display")
     before = instances()
     share = dict(module._inputs(modifier))["Share"]
-    yield from hand.press(share, across=0.7, first=top, times=2)
-    yield from hand.keys("ctrl+a")
-    yield from hand.write("0.5")
-    yield from hand.keys("Return")
+    yield from hand.enter(share, "0.5", across=0.7, first=top)
     yield 0.5
     answer["shown"] = before, instances()
     take_screenshot("hand-10-half.png")
@@ -187,6 +180,7 @@ def real_ones():
 def real_objects():
     """Made real, one of them moved, and back."""
     top = yield from hand.turn_panel("ESH_PT_instances")
+    x, edge = yield from hand.upper_edge("esh.instances_edit", first=top)
     yield from hand.press("esh.instances_make_real", first=top)
     yield from hand.until(real_ones, 20.0, "the real objects")
     take_screenshot("hand-11-real.png")
@@ -199,8 +193,7 @@ def real_objects():
     yield from hand.write("0.5")
     yield from hand.keys("Return")
     # A menu has no command of its own: it is below the two lines that say what is the case, as is said above the panel since then.
-    x, y = hand.on_panel(top, 5.8)
-    yield from hand.click((x, y))
+    yield from hand.click((x, edge + BACK_DOWN))
     take_screenshot("hand-11-back-menu.png")
     yield from hand.keys("k")
     yield 1.0
@@ -220,10 +213,7 @@ def ends():
     yield from hand.until(idle, 5.0, "the end of the run")
     answer["stopping"] = time.perf_counter() - pressed
     answer["stopped"] = bool((positions() == before).all())
-    yield from hand.press("].name", across=0.4, times=2)
-    yield from hand.keys("ctrl+a")
-    yield from hand.write("Wood")
-    yield from hand.keys("Return")
+    yield from hand.enter("].name", "Wood", across=0.4)
     answer["renamed"] = scatter().name, scatter().result.name
     yield from hand.click(on_screen(positions()[0]))
     answer["to_delete"] = bpy.context.view_layer.objects.active.name
@@ -357,9 +347,7 @@ def _change_last(picture, line, text):
     yield 0.5
     take_screenshot(picture)
     yield from hand.click((x + LAST_ACROSS, y + LAST_DOWN + (line - 1) * LINE), times=2)
-    yield from hand.keys("ctrl+a")
-    yield from hand.write(text)
-    yield from hand.keys("Return")
+    yield from hand.replace(text)
     yield 0.5
 
 
@@ -464,10 +452,7 @@ def classes():
     yield from hand.keys("ctrl+z")
     yield 0.5
     answer["shown_again"] = instances()
-    yield from hand.press("class_index", across=0.2, first=top, times=2)
-    yield from hand.keys("ctrl+a")
-    yield from hand.write("Fir")
-    yield from hand.keys("Return")
+    yield from hand.enter("class_index", "Fir", across=0.2, first=top)
     _, y = yield from hand.find("esh.class_add", across=BESIDE, first=top)
     _, _, region = hand._sidebar()
     # The menu is below the buttons that add and remove a class.
@@ -481,10 +466,7 @@ def classes():
     yield from hand.press("count_kind", first=top)
     take_screenshot("hand-52-how-many.png")
     yield from hand.keys("d")
-    yield from hand.press("].distance", first=top, times=2)
-    yield from hand.keys("ctrl+a")
-    yield from hand.write("1.5")
-    yield from hand.keys("Return")
+    yield from hand.enter("].distance", "1.5", first=top)
     yield 0.5
     copied = scatter().active_class
     answer["distance"] = copied.count_kind, round(copied.distance, 3)
@@ -502,10 +484,7 @@ def densities():
         yield from _add_layer(top, key, f"hand-5{4 + number}-add.png")
     answer["layers"] = [one.kind for one in layers]
     take_screenshot("hand-56-layers.png")
-    yield from hand.press("layers[1].strength", first=top, times=2)
-    yield from hand.keys("ctrl+a")
-    yield from hand.write("0.5")
-    yield from hand.keys("Return")
+    yield from hand.enter("layers[1].strength", "0.5", first=top)
     yield from hand.press("layers[1].invert", first=top)
     yield 1.0
     answer["layer"] = round(layers[1].strength, 3), layers[1].invert
@@ -540,8 +519,6 @@ def _add_layer(top, key, picture):
     yield 0.5
 
 
-# Without xdotool there is no hand.
-answer["mouse"] = shutil.which("xdotool") is not None
 WALKS = {
     "one scatter": (begin, obstacles, instances_by_hand, turned_and_let_go, elsewhere, display, real_objects, ends),
     "another scatter": (begin, another_scatter, overlaps, undone_while_it_runs, scaled_to_fit),
@@ -550,12 +527,4 @@ WALKS = {
     "painting": (begin, painted_without_live),
     "classes": (begin, classes, densities),
 }
-steps.run(
-    [
-        (steps.install, 2.0),
-        (steps.open_sidebar, 2.0),
-        (fill_in, 2.0),
-        *((steps.within(LONGEST_WALK, hand.step_of(walk)), 0.02) for walk in WALKS[sys.argv[-1]] if answer["mouse"]),
-        (steps.end, 1.0),
-    ]
-)
+hand.take(WALKS[steps.ARGUMENTS[0]], fill_in)

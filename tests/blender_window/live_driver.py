@@ -1,25 +1,20 @@
 """Runs inside a windowed Blender: 10,000 objects, Live, and a stroke with the mouse that is followed while it is painted.
 
-The last argument after ``--`` says what is painted: ``image``, ``colors`` or ``weights``. With ``film`` it is an image, for the
+The argument says what is painted: ``image``, ``colors`` or ``weights``. With ``film`` it is an image, for the
 pictures that ``film_strip.py`` joins.
 """
 
-import shutil
-import sys
 import time
-from pathlib import Path
 
 import bpy
 import numpy as np
-from bpy_extras.view3d_utils import location_3d_to_region_2d
-
-sys.path.insert(0, str(Path(__file__).parent))
 import window_steps as steps
+from bpy_extras.view3d_utils import location_3d_to_region_2d
 from window_steps import answer
 
 # To be looked at rather than measured: fewer objects, and a slow stroke.
-FILM = sys.argv[-1] == "film"
-PAINTED = "image" if FILM else sys.argv[-1]
+FILM = steps.ARGUMENTS[0] == "film"
+PAINTED = "image" if FILM else steps.ARGUMENTS[0]
 COUNT, SIZE = (1_500, 36.0) if FILM else (10_000, 80.0)
 PIXELS = 1024
 # Where the stroke begins and ends, on the ground [m].
@@ -109,8 +104,7 @@ def switch_on():
 
 def live_of(scatter):
     """What follows a scatter; None while nothing does."""
-    live = sys.modules[type(scatter).__module__.rpartition(".properties")[0] + ".solving.live"]
-    return live._followed.get((bpy.context.scene.session_uid, scatter.uid))
+    return steps.ours("solving.live")._followed.get((bpy.context.scene.session_uid, scatter.uid))
 
 
 def at_rest():
@@ -207,10 +201,6 @@ watch = None
 
 def begin_stroke():
     global watch
-    answer["mouse"] = shutil.which("xdotool") is not None
-    if not answer["mouse"]:
-        steps.end()
-        return
     watch = Watch()
 
 
@@ -260,17 +250,15 @@ def look():
 
 steps.run(
     [
-        (steps.install, 2.0),
-        (steps.open_sidebar, 2.0),
-        (fill_in, 3.0),
-        (press, 0.5),
-        (steps.within(LONGEST_RUN, placed), 2.0),
-        (switch_on, 1.0),
-        (steps.within(LONGEST_RUN, at_rest), 1.0),
-        (paint, 3.0),
+        steps.open_sidebar,
+        fill_in,
+        press,
+        (steps.within(LONGEST_RUN, placed), 0.3),
+        switch_on,
+        (steps.within(LONGEST_RUN, at_rest), 0.3),
+        (paint, 1.0),
         (begin_stroke, 1.0),
-        (steps.within(LONGEST_RUN, stroked), 1.0),
-        (look, 0.5),
-        (steps.end, 1.0),
+        (steps.within(LONGEST_RUN, stroked), 0.3),
+        look,
     ]
 )

@@ -1,12 +1,9 @@
 """Runs inside a windowed Blender: twenty classes in a narrow sidebar, in the light and the dark theme; says how long drawing takes."""
 
-import sys
 import time
 from pathlib import Path
 
 import bpy
-
-sys.path.insert(0, str(Path(__file__).parent))
 import window_steps as steps
 from window_steps import answer
 
@@ -15,6 +12,7 @@ CLASSES = 20
 WIDTH = 250
 
 _spent: list[float] = []
+drag = None
 
 
 def fill_in():
@@ -37,9 +35,13 @@ def fill_in():
         answer["ran"] = sorted(bpy.ops.esh.scatter())
 
 
+def show_tab():
+    steps.show_tab()
+
+
 def narrow():
     """Drag the edge of the sidebar until it is as narrow as it is to be."""
-    steps.show_tab()
+    global drag
     window, area, _ = steps.view()
     region = next(one for one in area.regions if one.type == "UI")
     answer["width_before"] = region.width
@@ -47,7 +49,11 @@ def narrow():
     x, y = region.x - 2, window.height - (region.y + round(0.3 * region.height))
     shift = region.width - WIDTH
     way = [(x + round(shift * k / 10), y) for k in range(11)]
-    steps.drag([(x, y), *way], 3.0)
+    drag = steps.drag([(x, y), *way], 3.0)
+
+
+def dragged():
+    return drag.poll() is not None
 
 
 def watch():
@@ -100,15 +106,16 @@ def light():
 
 steps.run(
     [
-        (steps.install, 2.0),
-        (steps.open_sidebar, 2.0),
-        (fill_in, 2.0),
-        (narrow, 8.0),
-        (watch, 2.0),
-        (measure, 1.0),
-        (dark, 1.0),
-        (lighten, 3.0),
-        (light, 1.0),
-        (steps.end, 1.0),
-    ]
+        steps.open_sidebar,
+        fill_in,
+        show_tab,
+        narrow,
+        dragged,
+        watch,
+        measure,
+        dark,
+        lighten,
+        light,
+    ],
+    by_hand=False,
 )

@@ -34,13 +34,15 @@ def package(tmp_path_factory) -> Path:
 _installed: set[Path] = set()
 
 
-def driven(name: str, package: Path, folder: Path, *arguments: str, seconds: float = 600.0) -> dict:
+def driven(
+    name: str, package: Path, folder: Path, *arguments: str, by_hand: bool = True, seconds: float = 600.0
+) -> dict:
     """Have a script drive a window, and return what it says; its pictures are kept where ``BLENDER_SCREENSHOTS`` says."""
     # A Blender of another file system root still sees temporary folders.
-    for script in (name, "window_hand.py", "window_scene.py", "window_steps.py"):
-        shutil.copy(Path(__file__).with_name(script), folder)
+    for script in Path(__file__).parent.glob("*.py"):
+        shutil.copy(script, folder)
     asked = "-" if package in _installed else package
-    command = [BLENDER, "--factory-startup", "--python", folder / name, "--", asked, folder, *arguments]
+    command = [BLENDER, "--factory-startup", "--python", folder / "start.py", "--", asked, folder, name, *arguments]
     finished = subprocess.run(command, capture_output=True, text=True, timeout=seconds, stdin=subprocess.DEVNULL)
     kept = os.environ.get("BLENDER_SCREENSHOTS")
     for picture in folder.glob("*.png") if kept else ():
@@ -53,15 +55,15 @@ def driven(name: str, package: Path, folder: Path, *arguments: str, seconds: flo
     said = finished.stdout + finished.stderr
     assert "Traceback" not in said, said[said.find("Traceback") :][:2000]
     _installed.add(package)
+    if by_hand and not answer["mouse"]:
+        pytest.skip("nothing moves the mouse: xdotool is missing")
     return answer
 
 
 @pytest.mark.parametrize("painted", ["image", "colors", "weights"])
 def test_a_stroke_with_the_mouse_is_followed(package: Path, tmp_path: Path, painted: str):
     image = pytest.importorskip("PIL.Image")
-    answer = driven("live_driver.py", package, tmp_path, painted)
-    if not answer["mouse"]:
-        pytest.skip("nothing moves the mouse: xdotool is missing")
+    answer = driven("live_driver", package, tmp_path, painted)
     mode = {"image": "PAINT_TEXTURE", "colors": "PAINT_VERTEX", "weights": "PAINT_WEIGHT"}[painted]
     assert answer["mode"] == mode and answer["live"] and answer["placed"] == 10_000
     # Pixels changed while it was painted, and objects went; counts are kept, and what is far from it stays where it
@@ -80,7 +82,7 @@ def test_a_stroke_with_the_mouse_is_followed(package: Path, tmp_path: Path, pain
 
 def test_the_button_scatters_in_a_window(package: Path, tmp_path: Path):
     image = pytest.importorskip("PIL.Image")
-    answer = driven("driver.py", package, tmp_path)
+    answer = driven("driver", package, tmp_path, by_hand=False)
     assert answer["pressed"] == ["RUNNING_MODAL"]
     assert answer["points"] == answer["instances"] == sum(answer["asked"].values())
     assert list(answer["asked"]) == ["Beech", "Log", "Mushroom", "Pebble", "Pine"]
@@ -99,9 +101,7 @@ def test_the_button_scatters_in_a_window(package: Path, tmp_path: Path):
 
 
 def test_an_artist_changes_things_with_mouse_and_keys(package: Path, tmp_path: Path):
-    answer = driven("hand_driver.py", package, tmp_path, "one scatter")
-    if not answer["mouse"]:
-        pytest.skip("nothing moves the mouse: xdotool is missing")
+    answer = driven("hand_driver", package, tmp_path, "one scatter")
     assert answer["on_rock_before"] > 0 == answer["on_rock"] and answer["obstacles"] == [answer["clicked"]] == ["Rock"]
     assert answer["changed"] == ["obstacles"]
     assert (answer["mode"], answer["mode_after"], answer["free_places"]) == ("EDIT", "OBJECT", 1)
@@ -123,9 +123,7 @@ def test_an_artist_changes_things_with_mouse_and_keys(package: Path, tmp_path: P
 
 def test_an_artist_sets_up_classes_and_densities_with_mouse_and_keys(package: Path, tmp_path: Path):
     image = pytest.importorskip("PIL.Image")
-    answer = driven("hand_driver.py", package, tmp_path, "classes")
-    if not answer["mouse"]:
-        pytest.skip("nothing moves the mouse: xdotool is missing")
+    answer = driven("hand_driver", package, tmp_path, "classes")
     assert answer["muted"] == [True, ["without Log"]]
     everything, left, changed = answer["hidden"]
     assert 0 < left < everything == answer["shown_again"] and changed == ["without Log"], "an eye needs no run"
@@ -142,9 +140,7 @@ def test_an_artist_sets_up_classes_and_densities_with_mouse_and_keys(package: Pa
 
 
 def test_an_artist_adds_another_scatter_with_mouse_and_keys(package: Path, tmp_path: Path):
-    answer = driven("hand_driver.py", package, tmp_path, "another scatter")
-    if not answer["mouse"]:
-        pytest.skip("nothing moves the mouse: xdotool is missing")
+    answer = driven("hand_driver", package, tmp_path, "another scatter")
     assert answer["second"] == ["Ground", ["Pebble"]] and answer["nearest_of_other"] > 0.3
     assert answer["second_overlaps"] == 0, "it keeps off the first, and finds gaps for all"
     assert answer["overlaps"] > 0 and answer["selecting"] == "EDIT" and answer["selected_points"] > 1
@@ -157,9 +153,7 @@ def test_an_artist_adds_another_scatter_with_mouse_and_keys(package: Path, tmp_p
 
 
 def test_an_artist_hands_a_scatter_on_with_mouse_and_keys(package: Path, tmp_path: Path):
-    answer = driven("hand_driver.py", package, tmp_path, "handing on")
-    if not answer["mouse"]:
-        pytest.skip("nothing moves the mouse: xdotool is missing")
+    answer = driven("hand_driver", package, tmp_path, "handing on")
     assert answer["preset"] == ["Mushroom Clusters", "Ground"]
     first, overlaps = answer["of_preset"]
     assert first == sum(answer["begun"].values()) and overlaps < 10, "what stands there leaves less room"
@@ -173,9 +167,7 @@ def test_an_artist_hands_a_scatter_on_with_mouse_and_keys(package: Path, tmp_pat
 
 
 def test_an_artist_finds_everything_by_its_name_and_tunes_what_was_done_last(package: Path, tmp_path: Path):
-    answer = driven("hand_driver.py", package, tmp_path, "by keyboard")
-    if not answer["mouse"]:
-        pytest.skip("nothing moves the mouse: xdotool is missing")
+    answer = driven("hand_driver", package, tmp_path, "by keyboard")
     scatters, fewer = answer["fewer"]
     assert sum(answer["found"]) > 200 and scatters == 1 and abs(fewer - 60) <= 2
     more, counts, changed = answer["more"]
@@ -184,18 +176,14 @@ def test_an_artist_finds_everything_by_its_name_and_tunes_what_was_done_last(pac
 
 
 def test_what_is_painted_is_scattered_by_the_button(package: Path, tmp_path: Path):
-    answer = driven("hand_driver.py", package, tmp_path, "painting")
-    if not answer["mouse"]:
-        pytest.skip("nothing moves the mouse: xdotool is missing")
+    answer = driven("hand_driver", package, tmp_path, "painting")
     assert answer["painting"] == "PAINT_TEXTURE" and answer["painting_after"] == ["PAINT_TEXTURE", True]
     off, own = answer["off_stroke"]
     assert off < 0.2 * own, "they stand on what was painted"
 
 
 def test_an_artist_changes_things_and_is_followed(package: Path, tmp_path: Path):
-    answer = driven("change_driver.py", package, tmp_path, "following")
-    if not answer["mouse"]:
-        pytest.skip("nothing moves the mouse: xdotool is missing")
+    answer = driven("change_driver", package, tmp_path, "following")
     everything = sum(answer["begun"].values())
     upright, long = answer["off_ground"]
     assert answer["highest"] > 2.5 and answer["missed"] == 0
@@ -228,9 +216,7 @@ def test_an_artist_changes_things_and_is_followed(package: Path, tmp_path: Path)
 
 
 def test_an_artist_answers_questions_and_goes_back(package: Path, tmp_path: Path):
-    answer = driven("change_driver.py", package, tmp_path, "answering")
-    if not answer["mouse"]:
-        pytest.skip("nothing moves the mouse: xdotool is missing")
+    answer = driven("change_driver", package, tmp_path, "answering")
     everything = sum(answer["begun"].values())
     apart = [[1.0, 1.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 1.0]]
     assert answer["may_overlap"] == [apart, ["may overlap of Beech"], None, True]
@@ -251,9 +237,7 @@ def test_an_artist_answers_questions_and_goes_back(package: Path, tmp_path: Path
 
 
 def test_an_artist_brings_assets_presets_and_scatters_along(package: Path, tmp_path: Path):
-    answer = driven("bring_driver.py", package, tmp_path)
-    if not answer["mouse"]:
-        pytest.skip("nothing moves the mouse: xdotool is missing")
+    answer = driven("bring_driver", package, tmp_path)
     asked, begun = [list(one) for one in answer["begun"].items()], answer["begun"]
     everything = sum(begun.values())
     assert answer["dropped"] == ["Pebble", ["object of Beech"], 0]
@@ -276,9 +260,7 @@ def test_an_artist_brings_assets_presets_and_scatters_along(package: Path, tmp_p
 
 
 def test_a_preset_that_is_dragged_onto_the_ground_is_scattered_there(package: Path, tmp_path: Path):
-    answer = driven("drop_driver.py", package, tmp_path)
-    if not answer["mouse"]:
-        pytest.skip("nothing moves the mouse: xdotool is missing")
+    answer = driven("drop_driver", package, tmp_path)
     assert answer["shown"] == ["FINISHED"] and answer["scatters"] == ["Pebbles"]
     assert answer["placed"] == answer["asked"] > 1000
     assert not answer["modifiers"] and not answer["groups"], "what Blender made of the drop is gone"
@@ -286,7 +268,7 @@ def test_a_preset_that_is_dragged_onto_the_ground_is_scattered_there(package: Pa
 
 
 def test_twenty_classes_are_drawn_quickly(package: Path, tmp_path: Path):
-    answer = driven("panel_driver.py", package, tmp_path)
+    answer = driven("panel_driver", package, tmp_path, by_hand=False)
     assert answer["ran"] == ["FINISHED"] and answer["panels"] >= 5
     # 4 to 5 ms of the processor's own time where it is free; other programs that share its memory slow it down all the same.
     print(answer["width"], answer["draws"])
@@ -294,14 +276,14 @@ def test_twenty_classes_are_drawn_quickly(package: Path, tmp_path: Path):
 
 
 def test_the_first_press_waits_for_nothing_to_be_loaded(package: Path, tmp_path: Path):
-    answer = driven("first_press_driver.py", package, tmp_path)
+    answer = driven("first_press_driver", package, tmp_path, by_hand=False)
     print(answer)
     assert not answer["loaded_before"] and answer["first"] == "Loading"
     assert answer["invoke"] < 0.2 and answer["placed"] > 100
 
 
 def test_the_window_waits_for_no_more_than_what_has_to_be_written(package: Path, tmp_path: Path):
-    answer = driven("times_driver.py", package, tmp_path)
+    answer = driven("times_driver", package, tmp_path, by_hand=False)
     print(answer)
     assert [answer[name]["placed"] for name in ("thousand", "many", "undrawn")] == [1_000, 100_000, 100_000]
     # From click to result 1.5 s and 8 s where two processors are free, and nothing over 0.1 s; other programs may be at work here.
@@ -311,9 +293,7 @@ def test_the_window_waits_for_no_more_than_what_has_to_be_written(package: Path,
 
 
 def test_an_artist_gathers_classes_and_leads_them_around_a_path(package: Path, tmp_path: Path):
-    answer = driven("gather_driver.py", package, tmp_path)
-    if not answer["mouse"]:
-        pytest.skip("nothing moves the mouse: xdotool is missing")
+    answer = driven("gather_driver", package, tmp_path)
     begun = {name: [count, name] for name, count in answer["begun"].items()}
     assert answer["from_selection"] == {**begun, "Pebble": [100, "Pebble"]}
     stones = {name: [100, name] for name in ("Boulder", "Chip")}
@@ -331,3 +311,32 @@ def test_an_artist_gathers_classes_and_leads_them_around_a_path(package: Path, t
     mode, all_there, highest = answer["sculpted"]
     assert mode == "SCULPT" and all_there and highest > 0.95, "a pine stands on the raised ground"
     assert answer["off_ground"] < 0.02
+
+
+def test_an_artist_places_collections_and_says_how_and_where_they_stand(package: Path, tmp_path: Path):
+    answer = driven("sources_driver", package, tmp_path)
+    asked, there, overlaps, target = answer["example"]
+    assert asked == there > 100 and overlaps == 0 and target == "Example Ground"
+    assert answer["example_undone"] == [0, 0] and answer["example_redone"] == [True, []]
+    everything, beeches = sum(answer["begun"].values()), answer["begun"]["Beech"]
+    stones = ["Boulder", "Chip", "Slab"]
+    name, listed, changes = answer["variants"]
+    assert [name, listed, changes] == ["Beech", [[one, 1.0] for one in stones], ["what Beech places"]]
+    others = {one: count for one, count in answer["begun"].items() if one != "Beech"}
+    assert sum(answer["equal"].values()) == everything and all(answer["equal"][one] > 0.15 * beeches for one in stones)
+    assert answer["weighted"] == [6.0, 1.0, 1.0]
+    numbers, overlaps, changes = answer["unequal"]
+    assert numbers == {**others, "Boulder": beeches - numbers["Chip"], "Chip": numbers["Chip"]}
+    assert 0 < numbers["Chip"] < 0.3 * beeches and [overlaps, changes] == [0, []]
+    assert answer["oaks"] == ["Beech", beeches, beeches, beeches]
+    # What hangs together stays so.
+    assert answer["parts_apart"] == pytest.approx([0.6, 0.6], abs=1e-3) and answer["oak_report"] == [0, []]
+    grown, scale, idle = answer["dragged"]
+    assert grown == pytest.approx(scale, rel=1e-3) and scale > 1.05 and idle
+    assert answer["drag_undone"] == pytest.approx([1.0, 1.0], abs=1e-3)
+    assert answer["turned"][0] < 1e-3 and answer["stayed"] and answer["raised"] == pytest.approx(0.7, abs=1e-3)
+    assert answer["faces"][0] == "Sand" and answer["surface"] == "WHOLE" and answer["all_faces"] == ["", "ABOVE"]
+    leftmost, there, overlaps = answer["on_sand"]
+    assert leftmost > -1e-3 and there == everything and overlaps == 0
+    assert answer["huts"][:3] == ["COLLECTION", "Huts", 0.5]
+    assert all(away > 0.5 for away in answer["off_huts"])

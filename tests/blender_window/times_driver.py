@@ -4,14 +4,10 @@ Says it for 1,000 trees, which have run once before, and for 100,000. Drawing co
 most of it, and all processors that it takes the solver lacks. So 100,000 are scattered again while the view shows the ground alone.
 """
 
-import sys
 import time
 from itertools import pairwise
-from pathlib import Path
 
 import bpy
-
-sys.path.insert(0, str(Path(__file__).parent))
 import window_steps as steps
 from window_steps import answer
 
@@ -56,7 +52,7 @@ def _spent(name, start):
 
 def watch_operators():
     """Have the operator say how long the window waits for it."""
-    run = next(module for name, module in sys.modules.items() if name.endswith("esh_scatter.operators.run_operator"))
+    run = steps.ours("operators.run_operator")
     invoke, modal, write, finish = (getattr(run.RunOperator, name) for name in ("invoke", "modal", "_write", "_finish"))
 
     # Blender asks functions how many arguments they take.
@@ -146,14 +142,13 @@ def seen():
 
 steps.run(
     [
-        (steps.install, 2.0),
-        (steps.open_sidebar, 2.0),
-        (watch_operators, 0.5),
+        steps.open_sidebar,
+        watch_operators,
         *(
             step
             for name in RUNS
-            for step in ((fill_in(name), 3.0), (press(name), 0.5), (steps.within(LONGEST_RUN, seen), 1.0))
+            for step in (fill_in(name), (press(name), 0.5), (steps.within(LONGEST_RUN, seen), 0.5))
         ),
-        (steps.end, 1.0),
-    ]
+    ],
+    by_hand=False,
 )

@@ -15,10 +15,23 @@ import window_steps as steps
 HOVER, CLICK = 0.08, 0.4
 # And before it is believed: a busy Blender may still mean the button that was left.
 SURE = 0.3
+LONGEST_WALK = 240.0
 # How densely the sidebar is looked over, from the top down [pixels]; a row is 20 high.
 DOWN = 14
+# How far the header of a closed panel is above the next one [pixels].
+HEADER = 26
 
 _drawn: set[str] = set()
+# What the mouse has passed in the sidebar, at shares of its width and so far below its upper edge [pixels]; and where headers were.
+_passed: dict[float, dict[int, str]] = {}
+# Where the first one is with a line of status above it, for a start.
+_headers: dict[str, int] = {"ESH_PT_surface": 180}
+
+
+def take(walks, stage, *, opening=steps.open_sidebar):
+    """Open the sidebar, set the stage, and take walks one after the other."""
+    limited = (steps.within(LONGEST_WALK, step_of(walk)) for walk in walks)
+    steps.run([opening, stage, *((step, 0.02) for step in limited)])
 
 
 def step_of(walk):
@@ -136,31 +149,52 @@ def _below_mouse():
     return ""
 
 
+def _column(across):
+    """Where a share of the sidebar's width is on the screen, and its upper and lower edge [pixels]."""
+    window, _, region = _sidebar()
+    top = window.height - region.y - region.height
+    return round(region.x + across * region.width), top, window.height - region.y - 4
+
+
 def find(wanted, across=0.6, first=0):
     """Move the mouse down the sidebar onto the button whose command or data path contains a text; the generator returns where it is.
+
+    Where the mouse has passed it before, it goes there first.
 
     Args:
         wanted: The text.
         across: Where the button is, as a share of the sidebar's width.
         first: How far below the sidebar's upper edge the mouse begins [pixels].
     """
-    window, _, region = _sidebar()
-    top, bottom = window.height - region.y - region.height, window.height - region.y - 4
-    x, seen = round(region.x + across * region.width), []
+    x, top, bottom = _column(across)
+    first = max(first, 8)
+    passed = _passed.setdefault(across, {})
+    known = sorted(down for down, text in passed.items() if wanted in text and down >= first)
+    for down in known[:2]:
+        if (place := (yield from _surely(wanted, x, top + down))) is not None:
+            return place
+        del passed[down]
+    seen = set()
     # A busy Blender overlooks moves of the mouse: a second time more slowly.
     for pause in (HOVER, SURE):
-        for y in range(top + max(first, 8), bottom, DOWN):
+        for y in range(top + first, bottom, DOWN):
             _do("mousemove", x, y)
             yield pause
-            found = _below_mouse()
-            seen.append(found)
-            # It may be the button that the mouse has just left.
-            for back in (0, DOWN) if wanted in found else ():
-                _do("mousemove", x, y - back)
-                yield SURE
-                if wanted in _below_mouse():
-                    return x, y - back
-    raise LookupError(f"no button for {wanted}; there are {sorted(set(seen))}")
+            found = passed[y - top] = _below_mouse()
+            seen.add(found)
+            if wanted in found and (place := (yield from _surely(wanted, x, y))) is not None:
+                return place
+    raise LookupError(f"no button for {wanted}; there are {sorted(seen)}")
+
+
+def _surely(wanted, x, y):
+    """Make sure that the button that does this is here, and move onto it; or the mouse has just left it."""
+    for place in ((x, y), (x, y - DOWN)):
+        _do("mousemove", *place)
+        yield SURE
+        if wanted in _below_mouse():
+            return place
+    return None
 
 
 def press(wanted, across=0.6, first=0, times=1):
@@ -170,12 +204,38 @@ def press(wanted, across=0.6, first=0, times=1):
     return place
 
 
+def enter(wanted, text, across=0.6, first=0):
+    """Type a text into a field of the sidebar in place of what it holds."""
+    yield from press(wanted, across, first, times=2)
+    yield from replace(text)
+
+
+def replace(text):
+    """Type a text into the field that is being edited, in place of all that is in it."""
+    yield from keys("ctrl+a")
+    yield from write(text)
+    yield from keys("Return")
+
+
+def choose(wanted, name, across=0.6, first=0):
+    """Click on a field that holds something of the file, and choose what it is to hold by its name."""
+    yield from press(wanted, across, first)
+    yield 0.5
+    yield from write(name)
+    yield from keys("Return")
+    yield 0.5
+
+
 def watch_panels():
     """Have every panel of ours say when it is drawn: those that are open."""
-    for name in dir(bpy.types):
-        panel = getattr(bpy.types, name)
-        if name.startswith("ESH_PT_") and hasattr(panel, "draw"):
-            panel.draw = _watched(panel.draw, name)
+    for panel in _panels():
+        if hasattr(panel, "draw"):
+            panel.draw = _watched(panel.draw, panel.__name__)
+
+
+def _panels():
+    """All panels of ours, from the uppermost to the lowest."""
+    return steps.ours("sidebar.panels").CLASSES
 
 
 def _watched(draw, name):
@@ -195,33 +255,93 @@ def _open_panels():
 
 
 def turn_panel(name, is_open=True, first=120):
-    """Open or close a panel by a click on its header; the generator returns how far below the sidebar's upper edge that is."""
-    window, _, region = _sidebar()
-    top, bottom = window.height - region.y - region.height, window.height - region.y - 4
-    x, before = round(region.x + 0.62 * region.width), (yield from _open_panels())
+    """Open or close a panel by a click on its header; the generator returns how far below the sidebar's upper edge that is.
+
+    Blender does not say which header is where, but a click on one shows whose it is, and so how far the one that is wanted is from it.
+    """
+    x, top, bottom = _column(0.62)
+    before = yield from _open_panels()
     if (name in before) == is_open:
-        return first
-    for y in range(top + first, bottom, DOWN):
-        _do("mousemove", x, y)
-        yield HOVER
-        if _below_mouse():
+        # A line of status or two may have come above it since.
+        return max(first, _headers.get(name, first) - 2 * HEADER)
+    # Where others were the last time, then where it was itself: taken from the end.
+    guesses = [down for other, place in _headers.items() for down in _below(other, name, before, place)]
+    guesses += [_headers[name]] if name in _headers else []
+    tried = set()
+    rows = iter(range(first, bottom - top, DOWN))
+    while (down := guesses.pop() if guesses else next(rows, None)) is not None:
+        if down in tried or not (yield from _is_bare(x, top + down)):
             continue
-        yield SURE
-        if _below_mouse():
-            continue
-        yield from click((x, y))
-        now = yield from _open_panels()
-        if (name in now) == is_open:
-            return y - top
-        if now != before:
-            yield from click((x, y))
+        tried.add(down)
+        yield from click((x, top + down))
+        changed = (yield from _open_panels()) ^ before
+        # With a panel, those in it close.
+        turned = next((one.__name__ for one in _panels() if one.__name__ in changed), None)
+        if turned is not None:
+            # What was seen last comes last.
+            _headers.pop(turned, None)
+            _headers[turned] = down
+        if turned == name:
+            return down
+        if turned is not None:
+            yield from _turn_back((x, top + down), before)
+            guesses += _below(turned, name, before, down)
     raise LookupError(f"no panel {name}; open are {sorted(before)}")
+
+
+def _turn_back(place, panels):
+    """Click on a header until these panels are open, and no others."""
+    for _ in range(3):
+        yield from click(place)
+        deadline = time.time() + 3.0
+        while time.time() < deadline:
+            if (yield from _open_panels()) == panels:
+                return
+            yield 0.1
+    raise TimeoutError(f"{sorted(panels)} are not all that is open")
+
+
+def _is_bare(x, y):
+    """Move the mouse to a place, and say whether no button is there that does anything."""
+    _do("mousemove", x, y)
+    yield HOVER
+    if _below_mouse():
+        return False
+    yield SURE
+    return not _below_mouse()
+
+
+def _below(known, wanted, is_open, down):
+    """Where a header is, told from that of another one, if all panels between them are closed."""
+    window, area, region = _sidebar()
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        names = [
+            one.__name__
+            for one in _panels()
+            if getattr(one, "bl_parent_id", "ESH_PT_scatter") in is_open
+            and (not hasattr(one, "poll") or one.poll(bpy.context))
+        ]
+    if known not in names or wanted not in names:
+        return []
+    begin, end = sorted((names.index(known), names.index(wanted)))
+    if is_open.intersection(names[begin:end]):
+        return []
+    return [down + HEADER * (names.index(wanted) - names.index(known))]
 
 
 def on_panel(top, lines):
     """A place so many lines below the header of a panel."""
-    window, _, region = _sidebar()
-    return round(region.x + 0.6 * region.width), window.height - region.y - region.height + top + round(23 * lines)
+    x, upper, _ = _column(0.6)
+    return x, upper + top + round(23 * lines)
+
+
+def upper_edge(wanted, first=0):
+    """Find the button that does this; the generator returns its middle from left to right, and its upper edge on the screen."""
+    x, y = yield from find(wanted, first=first)
+    while wanted in _below_mouse():
+        y -= 3
+        yield from move((x, y))
+    return x, y
 
 
 def file_dialog():
@@ -231,9 +351,7 @@ def file_dialog():
 def name_file(name):
     """Type a name into the field at the lower edge of the dialog."""
     yield from click(_in_dialog("EXECUTE", 0.4))
-    yield from keys("ctrl+a")
-    yield from write(name)
-    yield from keys("Return")
+    yield from replace(name)
     yield 1.0
 
 

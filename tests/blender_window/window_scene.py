@@ -1,7 +1,5 @@
 """A ground, objects to place on it and a rock, and what is read of a scatter that a hand has made of them."""
 
-import sys
-
 import bpy
 import numpy as np
 import window_hand as hand
@@ -9,7 +7,7 @@ import window_steps as steps
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from window_steps import answer, take_screenshot
 
-LONGEST_RUN = 60.0
+LONGEST_RUN, LONGEST_UPDATE = 60.0, 30.0
 SIDE = 20.0
 OBJECTS = {
     "Pine": ("cone", (0.4, 0.4, 0.9), (0.07, 0.22, 0.13)),
@@ -78,8 +76,18 @@ def instances():
 
 def idle():
     """Whether no run is going on."""
-    running = next(module for name, module in sys.modules.items() if name.endswith("esh_scatter.solving.running"))
-    return running.session is None
+    return steps.ours("solving.running").session is None
+
+
+def live():
+    """What follows the scatter; None while nothing does."""
+    return steps.ours("solving.live")._followed.get((bpy.context.scene.session_uid, scatter().uid))
+
+
+def at_rest():
+    """Whether Live has followed everything."""
+    follower = live()
+    return follower is not None and not follower.busy and not scatter().outdated and idle()
 
 
 def update():
@@ -103,10 +111,7 @@ def begin():
 def ask_for(count):
     """Type the count of the active class."""
     top = yield from hand.turn_panel("ESH_PT_class")
-    yield from hand.press("sizes[0].count", first=top, times=2)
-    yield from hand.keys("ctrl+a")
-    yield from hand.write(count)
-    yield from hand.keys("Return")
+    yield from hand.enter("sizes[0].count", count, first=top)
     # What is said of so many comes a moment later, and moves the panel down.
     yield 2.0
     yield from hand.turn_panel("ESH_PT_class", is_open=False)

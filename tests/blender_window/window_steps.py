@@ -1,7 +1,4 @@
-"""What scripts that drive a windowed Blender share: its areas, screenshots, the mouse, and steps one after the other.
-
-Arguments after ``--``: the zip, the folder for the answers. Without a zip (``-``) the extension is there already.
-"""
+"""What scripts that drive a windowed Blender share: its areas, screenshots, the mouse, and steps one after the other."""
 
 import json
 import shutil
@@ -13,13 +10,16 @@ from pathlib import Path
 
 import bpy
 
-ZIP, FOLDER = sys.argv[sys.argv.index("--") + 1 :][:2]
+ZIP, FOLDER, DRIVER, *ARGUMENTS = sys.argv[sys.argv.index("--") + 1 :]
 FOLDER = Path(FOLDER)
 
 # It would take the first click, or the first drag.
 bpy.context.preferences.view.show_splash = False
 
-answer = {"blender": bpy.app.version_string}
+# Without xdotool there is no hand.
+answer = {"blender": bpy.app.version_string, "mouse": shutil.which("xdotool") is not None}
+# How often the viewport has been drawn.
+_draws = [0]
 
 
 def view():
@@ -46,6 +46,11 @@ def take_screenshot_aside(name):
     """Take one while Blender goes on, where that is possible."""
     if shutil.which("import"):
         subprocess.Popen(["import", "-window", "root", str(FOLDER / name)])
+
+
+def ours(name):
+    """A module of the extension."""
+    return next(module for full, module in sys.modules.items() if full.endswith(f".esh_scatter.{name}"))
 
 
 def install():
@@ -109,24 +114,55 @@ def within(seconds, step):
             raise TimeoutError(f"{step.__name__} took longer than {seconds:g} s")
         return step()
 
+    limited.__name__ = step.__name__
     return limited
 
 
-def run(steps):
-    """Take steps, each with the seconds to wait afterwards, so that the window is drawn; one that returns False is asked again."""
+def redrawn():
+    """Return a step that is done once the window has been drawn twice: the first time may still change what is where."""
+    until = []
+
+    def waited():
+        until[:] = until or [_draws[0] + 2]
+        for area in bpy.context.window_manager.windows[0].screen.areas:
+            area.tag_redraw()
+        return _draws[0] >= until[0]
+
+    return within(30.0, waited)
+
+
+def _count_draw():
+    _draws[0] += 1
+
+
+def fail():
+    """Say what has just been raised, and end."""
+    answer["error"] = traceback.format_exc()
+    take_screenshot("error.png")
+    write()
+    bpy.ops.wm.quit_blender()
+
+
+def run(steps, *, by_hand=True):
+    """Install the extension, take steps, and end.
+
+    Each step is followed by so many seconds, or else by what it takes to draw the window anew; one that returns False is asked again.
+    What is done by hand is left out where there is none.
+    """
+    bpy.types.SpaceView3D.draw_handler_add(_count_draw, (), "WINDOW", "POST_PIXEL")
+    queue = [(redrawn(), 0.5)]
+    for step in (install, *(steps if answer["mouse"] or not by_hand else ()), end):
+        queue += [step] if isinstance(step, tuple) else [(step, 0.05), (redrawn(), 0.05)]
 
     def next_step():
-        step, wait = steps[0]
+        step, wait = queue[0]
         try:
             if step() is not False:
-                steps.pop(0)
+                queue.pop(0)
         except Exception:
-            answer["error"] = traceback.format_exc()
-            take_screenshot("error.png")
-            write()
-            bpy.ops.wm.quit_blender()
+            fail()
             return None
-        return wait if steps else None
+        return wait if queue else None
 
     # Another file may be opened meanwhile.
-    bpy.app.timers.register(next_step, first_interval=2.0, persistent=True)
+    bpy.app.timers.register(next_step, first_interval=0.1, persistent=True)

@@ -145,6 +145,26 @@ def test_changed_at_once_a_class_stands_as_after_another_run(scatter, number):
         np.testing.assert_allclose(at_once[name], again[name], atol=2e-6, err_msg=name)
 
 
+def test_objects_that_turned_as_they_fitted_are_shown_as_the_next_run_turns_them(scatter):
+    tree = scatter.classes[0]
+    tree.sizes[0].area_kind, tree.align_to_normal = "MESH", 0.0
+    for angle in (0.0, 1.0):
+        tree.random_turn = 2.0 * math.pi
+        bpy.ops.esh.scatter()
+        own = kept_ground.read_attribute(scatter.result.data, "class_index") == 0
+        fitted = values(scatter.result)["rotation"][own]
+        tree.random_turn = angle
+        at_once = values(scatter.result)["rotation"][own]
+        assert not np.allclose(at_once, fitted)
+        assert angle > 0.0 or np.ptp(at_once, axis=0).max() < 1e-6, "they all look the same way"
+        tree.random_turn = 2.0 * math.pi
+        np.testing.assert_allclose(values(scatter.result)["rotation"][own], fitted, atol=1e-6)
+        tree.random_turn = angle
+        bpy.ops.esh.scatter()
+        again = values(scatter.result)["rotation"][own]
+        np.testing.assert_allclose(np.abs((at_once * again).sum(axis=1)), 1.0, atol=1e-5)
+
+
 @pytest.mark.parametrize("avoid_overlap", [False, True])
 def test_objects_whose_origin_is_in_their_middle_stand_on_their_lowest_point(scatter, avoid_overlap):
     tree = scatter.classes["Tree"]
