@@ -188,6 +188,8 @@ def real_objects():
     answer["real"] = [item.name for item in made]
     place = made[0].matrix_world.translation.copy()
     yield from hand.click(on_screen(place))
+    # To draw hundreds of objects for the first time may take a while.
+    yield from hand.until(lambda: bpy.context.view_layer.objects.active == made[0], 10.0, "picking an object")
     answer["picked"] = bpy.context.view_layer.objects.active.name
     yield from hand.keys("g", "x")
     yield from hand.write("0.5")

@@ -9,6 +9,7 @@ import window_hand as hand
 import window_steps as steps
 from window_scene import (
     LONGEST_RUN,
+    LONGEST_UPDATE,
     begin,
     fill_in,
     idle,
@@ -20,6 +21,8 @@ from window_scene import (
 )
 from window_steps import answer, take_screenshot
 
+# Where the crosses that clear fields are, as a share of the sidebar's width.
+CLEAR = 0.816
 # How large the stones of a collection are [m], and where the tree's parts are from its foot [m].
 STONES = {"Boulder": 0.5, "Chip": 0.3, "Slab": 0.4}
 TRUNK_UP, LEAVES_UP = 0.2, 0.8
@@ -168,8 +171,8 @@ def standing():
     yield from hand.enter("].random_turn", "0", across=0.7, first=top)
     yield from hand.enter("].offset", "0.5", across=0.7, first=top)
     yield 0.5
-    turns = np.array([turn for _, turn, _ in _shown()["Trunk"]])
-    answer["turned"] = float(np.ptp(np.abs(turns), axis=0).max()), scatter().changes()
+    turns = [turn for _, turn, _ in _shown()["Trunk"]]
+    answer["turned"] = max(turn.rotation_difference(turns[0]).angle for turn in turns), scatter().changes()
     answer["stayed"] = bool((positions()[:, :2] == place[:, :2]).all())
     answer["raised"] = float(min(place.z for place, _, _ in _shown()["Trunk"]))
     take_screenshot("sources-12-turned.png")
@@ -183,17 +186,17 @@ def surface():
     yield from hand.choose("].face_group", "Sand", across=0.7, first=top)
     answer["faces"] = scatter().face_group, scatter().changes()
     yield from hand.press("].surface", across=0.7, first=top)
-    yield 0.3
+    yield 0.5
     take_screenshot("sources-14-kinds.png")
     yield from hand.keys("w")
-    answer["surface"] = scatter().surface
+    yield from hand.until(lambda: scatter().surface == "WHOLE", LONGEST_UPDATE, "choosing the whole surface")
     yield from update()
     answer["on_sand"] = float(positions()[:, 0].min()), len(positions()), scatter().report["overlaps"]
     take_screenshot("sources-15-sand.png")
     yield from hand.press("].surface", across=0.7, first=top)
-    yield 0.3
+    yield 0.5
     yield from hand.keys("f")
-    yield from hand.enter("].face_group", "", across=0.7, first=top)
+    yield from hand.press("].face_group", across=CLEAR, first=top)
     answer["all_faces"] = scatter().face_group, scatter().surface
     yield from hand.turn_panel("ESH_PT_surface", is_open=False)
 

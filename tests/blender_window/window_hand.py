@@ -65,17 +65,28 @@ def _do(*arguments):
     subprocess.run(["xdotool", *map(str, arguments)], check=True)
 
 
+def _heard(seconds):
+    """Wait until Blender has done what mouse or keyboard have just told it: it asks timers first, and hears of that thereafter."""
+    yield 0.0
+    yield seconds
+
+
+def _go(place, seconds):
+    _do("mousemove", *place)
+    yield from _heard(seconds)
+
+
 def keys(*names):
     """Press keys one after the other, such as ``ctrl+z``."""
     for name in names:
         _do("key", name)
-        yield 0.25
+        yield from _heard(0.25)
 
 
 def function_key(number):
     """Press F1 to F12, by the place on the keyboard: Blender does not hear xdotool's names of them."""
     _do("key", 66 + number if number <= 10 else 84 + number)
-    yield CLICK
+    yield from _heard(CLICK)
 
 
 def search(text):
@@ -90,33 +101,31 @@ def search(text):
 def write(text):
     """Type a text."""
     _do("type", "--delay", 60, text)
-    yield CLICK
+    yield from _heard(CLICK)
 
 
 def move(place):
     """Move the mouse to a place on the screen: keys mean what they do there."""
-    _do("mousemove", *place)
-    yield SURE
+    yield from _go(place, SURE)
 
 
 def nudge(x, y):
     """Move the mouse by some pixels: while a number is dragged, Blender hides it, and puts it elsewhere."""
     _do("mousemove_relative", "--", x, y)
-    yield SURE
+    yield from _heard(SURE)
 
 
 def click(place, *modifiers, times=1):
     """Click with the mouse on a place on the screen."""
-    _do("mousemove", *place)
-    yield HOVER
+    yield from _go(place, HOVER)
     for name in modifiers:
         _do("keydown", name)
-        yield HOVER
+        yield from _heard(HOVER)
     _do("click", "--repeat", times, "--delay", 60, 1)
     for name in modifiers:
-        yield SURE
+        yield from _heard(SURE)
         _do("keyup", name)
-    yield CLICK
+    yield from _heard(CLICK)
 
 
 @contextmanager
@@ -178,8 +187,7 @@ def find(wanted, across=0.6, first=0):
     # A busy Blender overlooks moves of the mouse: a second time more slowly.
     for pause in (HOVER, SURE):
         for y in range(top + first, bottom, DOWN):
-            _do("mousemove", x, y)
-            yield pause
+            yield from _go((x, y), pause)
             found = passed[y - top] = _below_mouse()
             seen.add(found)
             if wanted in found and (place := (yield from _surely(wanted, x, y))) is not None:
@@ -190,8 +198,7 @@ def find(wanted, across=0.6, first=0):
 def _surely(wanted, x, y):
     """Make sure that the button that does this is here, and move onto it; or the mouse has just left it."""
     for place in ((x, y), (x, y - DOWN)):
-        _do("mousemove", *place)
-        yield SURE
+        yield from _go(place, SURE)
         if wanted in _below_mouse():
             return place
     return None
@@ -303,8 +310,7 @@ def _turn_back(place, panels):
 
 def _is_bare(x, y):
     """Move the mouse to a place, and say whether no button is there that does anything."""
-    _do("mousemove", x, y)
-    yield HOVER
+    yield from _go((x, y), HOVER)
     if _below_mouse():
         return False
     yield SURE
