@@ -10,7 +10,19 @@ import numpy as np
 import window_hand as hand
 import window_steps as steps
 from mathutils import Vector
-from window_scene import LONGEST_UPDATE, SIDE, at_rest, begin, fill_in, on_screen, positions, scatter, update, values
+from window_scene import (
+    LONGEST_UPDATE,
+    SIDE,
+    at_rest,
+    begin,
+    fill_in,
+    idle,
+    on_screen,
+    positions,
+    scatter,
+    update,
+    values,
+)
 from window_steps import answer, take_screenshot
 
 # From where to where the ground is sculpted [m], and how large the brush is [pixels].
@@ -185,5 +197,37 @@ def _ground_at(x, y):
     return place.z if hit else math.nan
 
 
-WALKS = (begin, from_selection, from_collection, from_image, looked_at, copied, led_around, sculpted)
+def updated_together():
+    """A second scatter does not make room for the first, which was run again: Update All in its panel has it do so."""
+    yield from hand.press("].live", across=0.75)
+    with steps.window_context():
+        for item in bpy.context.scene.objects:
+            item.select_set(item.name in ("Ground", "Chip"))
+        bpy.context.view_layer.objects.active = bpy.data.objects["Ground"]
+    yield from hand.move(on_screen((0.0, 0.0, 0.0)))
+    yield from hand.search("scatter sel")
+    # The list may lie elsewhere in memory once it has grown.
+    settings = bpy.context.scene.esh_scatter
+    yield from hand.until(
+        lambda: len(settings.scatters) == 2 and scatter().result and idle(), LONGEST_UPDATE, "another"
+    )
+    settings.scatter_index = 0
+    scatter().seed += 1
+    yield 1.0
+    yield from update()
+    before = settings.scatters[1].report_json
+    answer["in_the_way"] = [other.name for other in scatter().later_in_the_way()] == [settings.scatters[1].name]
+    take_screenshot("gather-9-in-the-way.png")
+    yield from hand.press("esh.scatter_all")
+    yield from hand.until(lambda: idle() and settings.scatters[1].report_json != before, LONGEST_UPDATE, "both")
+    yield 1.0
+    answer["together"] = (
+        [one.changes() for one in settings.scatters],
+        settings.scatter_index,
+        scatter().later_in_the_way(),
+    )
+    take_screenshot("gather-10-together.png")
+
+
+WALKS = (begin, from_selection, from_collection, from_image, looked_at, copied, led_around, sculpted, updated_together)
 hand.take(WALKS, set_stage)

@@ -311,6 +311,7 @@ def test_an_artist_gathers_classes_and_leads_them_around_a_path(package: Path, t
     mode, all_there, highest = answer["sculpted"]
     assert mode == "SCULPT" and all_there and highest > 0.95, "a pine stands on the raised ground"
     assert answer["off_ground"] < 0.02
+    assert answer["in_the_way"] and answer["together"] == [[[], []], 0, []]
 
 
 def test_an_artist_places_collections_and_says_how_and_where_they_stand(package: Path, tmp_path: Path):
