@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -39,6 +40,10 @@ SAMPLES_OF_OUTLINES = 2
 # What lies so near to it, in units, is cut finer, too: there the near part of the target's force changes fast.
 NEAR_DETAIL = 2.9
 FINER_NEAR_DETAIL = 2
+# Of very many tiles each is looked at at fewer points, so that there are no more than this, but at four at least.
+MOST_POINTS = 1 << 25
+# Points that are looked at together, where no facet alone has more: a large surface has hundreds of millions.
+POINTS_AT_ONCE = 1 << 20
 
 
 def cut_by_detail(model: Model, facets: Facets) -> np.ndarray:
@@ -90,11 +95,11 @@ def _detailed_densities(
     if facets.tile_count > MANY_TILES and len(varying) == len(classes):
         _cut_less_where_empty(facets, changing, outlines)
     whole = np.arange(facets.count)
-    sampled = _densities(facets, whole, 2, changing, outlines)
+    looks = [lambda values: values.mean(axis=1), lambda values: values.max(axis=1), lambda values: values.min(axis=1)]
+    sampled, highest, lowest = _densities(facets, whole, 2, changing, outlines, looks)
     detailed, at_edge = np.zeros((2, facets.count), bool)
     of_tile = np.repeat(whole, facets.cuts**2)
-    for values in sampled:
-        largest, least = values.max(axis=1), values.min(axis=1)
+    for largest, least in zip(highest, lowest, strict=True):
         detailed[of_tile[largest - least > DETAIL * largest]] = True
         # Bodies may stand on all of a tile or on nothing of it.
         at_edge[of_tile[(least <= 0.0) & (largest > 0.0)]] = True
@@ -111,12 +116,13 @@ def _detailed_densities(
     of_tile = np.repeat(whole, facets.cuts**2)
     density = np.ones((len(classes), facets.tile_count))
     for k, values in zip(varying, sampled, strict=True):
-        density[k, ~(detailed | near | fine)[of_tile]] = values[kept].mean(axis=1)
+        density[k, ~(detailed | near | fine)[of_tile]] = values[kept]
     for some, inner in ((near, 2), (fine, SAMPLES_OF_FINE), (detailed, SAMPLES_OF_DETAIL)):
         if some.any():
-            found = _densities(facets, np.flatnonzero(some), inner, changing, outlines)
+            inner = max(2, min(inner, math.isqrt(MOST_POINTS // int((facets.cuts[some] ** 2).sum()))))
+            (found,) = _densities(facets, np.flatnonzero(some), inner, changing, outlines, looks[:1])
             for k, values in zip(varying, found, strict=True):
-                density[k, some[of_tile]] = values.mean(axis=1)
+                density[k, some[of_tile]] = values
     return density
 
 
@@ -126,31 +132,51 @@ def _cut_less_where_empty(facets: Facets, classes: Sequence[PreparedClass], outl
     cuts = facets.cuts.copy()
     facets.cut_into(whole, 1)
     seen = np.zeros(facets.count, bool)
-    for values in _densities(facets, whole, SAMPLES_OF_FACET, classes, outlines):
-        seen |= values.any(axis=1)
+    for values in _densities(facets, whole, SAMPLES_OF_FACET, classes, outlines, [lambda values: values.any(axis=1)])[
+        0
+    ]:
+        seen |= values
     some = np.flatnonzero(facets.near(seen, NEAR_DENSITY)) if seen.any() else whole
     facets.cut_into(some, cuts[some])
 
 
 def _densities(
-    facets: Facets, facet: np.ndarray, inner: int, classes: Sequence[PreparedClass], outlines: OutlinesOnSurface
-) -> list[np.ndarray]:
-    """Densities of some classes at ``inner²`` points of every tile of some facets, shapes ``[tiles, inner²]``."""
-    points = _points_of_tiles(facets, facet, inner)
-    found = []
-    for body_class in classes:
-        density = body_class.density_beside_outlines(points)
-        if len(outlines):
-            density = density * outlines.free(points, body_class.edge)
-        found.append(density.reshape(-1, inner**2))
-    return found
+    facets: Facets,
+    facet: np.ndarray,
+    inner: int,
+    classes: Sequence[PreparedClass],
+    outlines: OutlinesOnSurface,
+    looks: Sequence[Callable[[np.ndarray], np.ndarray]],
+) -> list[list[np.ndarray]]:
+    """Look at densities at ``inner²`` points of every tile of some facets: return what each look says of all tiles, for each class.
+
+    A look gets densities of tiles, shape ``[tiles, inner²]``, and returns one value for each.
+    """
+    found: list[list[list[np.ndarray]]] = [[[] for _ in classes] for _ in looks]
+    for some in _blocks(facets, facet, inner):
+        points = _points_of_tiles(facets, some, inner)
+        for k, body_class in enumerate(classes):
+            density = body_class.density_beside_outlines(points)
+            if len(outlines):
+                density = density * outlines.free(points, body_class.edge)
+            for look, parts in zip(looks, found, strict=True):
+                parts[k].append(look(density.reshape(-1, inner**2)))
+    return [[np.concatenate(blocks) for blocks in parts] for parts in found]
 
 
 def _share_beside(facets: Facets, outlines: OutlinesOnSurface) -> np.ndarray:
     """Share of every tile that outlines leave, shape ``[tile_count]``."""
-    points = _points_of_tiles(facets, np.arange(facets.count), SAMPLES_OF_OUTLINES)
-    free = outlines.distance(points, 0.0) >= 0.0
-    return free.reshape(-1, SAMPLES_OF_OUTLINES**2).mean(axis=1)
+    share = []
+    for some in _blocks(facets, np.arange(facets.count), SAMPLES_OF_OUTLINES):
+        free = outlines.distance(_points_of_tiles(facets, some, SAMPLES_OF_OUTLINES), 0.0) >= 0.0
+        share.append(free.reshape(-1, SAMPLES_OF_OUTLINES**2).mean(axis=1))
+    return np.concatenate(share)
+
+
+def _blocks(facets: Facets, facet: np.ndarray, inner: int) -> Iterator[np.ndarray]:
+    """Yield facets in their order, as many at once as have not too many points: ``inner²`` on each of their tiles."""
+    block = np.cumsum((facets.cuts[facet] * inner) ** 2) // POINTS_AT_ONCE
+    yield from np.split(facet, np.flatnonzero(np.diff(block)) + 1)
 
 
 def _points_of_tiles(facets: Facets, facet: np.ndarray, inner: int) -> PointsOnSurface:

@@ -49,6 +49,10 @@ STEPS_WITHIN = 12
 # Where densities are everywhere the same, bodies come to stand in rows along the axes, and a border along these has a row at it or has
 # not. So the domain is cut out turned by this angle [rad], half way between two ways of the rows.
 TURN = math.pi / 12.0
+# Unless it is so narrow that the rectangle around it, in which bodies are placed, is so many times as large. Measured on 3,000 bodies on
+# 100 m x 1 m, turned and not: the largest number at any distance from the border is 1.8 and 2.3 times even, in 1.3 and 0.3 s; 351 bodies
+# on 10 km x 1 m were among 900,000.
+MOST_TURNED = 50.0
 # Parts of the ground that do not meet have the numbers that they ask for, if these are not below this.
 FEWEST_OF_PART = 4.0
 # A domain that is longer than so many times its width is not joined to its other sides, which meshes would have to be fine for.
@@ -96,14 +100,15 @@ class NaturalBorder:
         reach = [max(own, min(least, max(domain.size))) for own in wanted]
         images = [c.density_image for c in problem.classes]
         uniform = all(image.min() == image.max() > 0.0 for image in images)
-        self.turn = (
-            TURN if uniform and not any(_follows_images(size) for c in problem.classes for size in c.sizes) else 0.0
-        )
+        across = np.array([[math.cos(TURN), math.sin(TURN)], [math.sin(TURN), math.cos(TURN)]]) @ domain.size
+        turned = (float(across[0]) + 2.0 * max(reach), float(across[1]) + 2.0 * max(reach))
+        is_wide = turned[0] * turned[1] <= MOST_TURNED * domain.area
+        follows = any(_follows_images(size) for c in problem.classes for size in c.sizes)
+        self.turn = TURN if uniform and is_wide and not follows else 0.0
         self._beyond: list[DensityBeyond] = []
         margin = (0.0, 0.0)
         if self.turn:
-            across = np.array([[math.cos(TURN), math.sin(TURN)], [math.sin(TURN), math.cos(TURN)]]) @ domain.size
-            self._size = (float(across[0]) + 2.0 * max(reach), float(across[1]) + 2.0 * max(reach))
+            self._size = turned
             more = self._size[0] * self._size[1] / domain.area
             self._beyond = [DensityBeyond(image, more, None) for image in images]
         else:

@@ -393,3 +393,20 @@ def test_around_a_small_spot_there_are_not_millions_of_bodies():
     assert away.max() < 0.23
     apart = np.linalg.norm(placement.position[:, None] - placement.position[None], axis=2) + 9.0 * np.eye(400)
     assert apart.min() > 0.4 * np.sqrt(100.0 * spot.mean() / 400)
+
+
+def test_along_a_long_strip_there_are_not_hundreds_of_thousands_of_bodies(monkeypatch):
+    """The strip was turned, and bodies were placed in the rectangle around it: 351 were among 900,000."""
+    placed = []
+    made = Descent.__init__
+
+    def counted(self, model, *arguments, **more):
+        placed.append(model.body_count)
+        made(self, model, *arguments, **more)
+
+    monkeypatch.setattr(Descent, "__init__", counted)
+    body_class = esh.BodyClass("a", [esh.Size("s", area=1.0, count=351)])
+    problem = esh.Problem(esh.Domain((10_000.0, 1.0), "natural"), [body_class])
+    placement = esh.solve(problem, device="cpu", max_steps=20)
+    assert max(placed) < 100 * 351 and len(placement.position) == 351
+    assert (placement.position >= 0.0).all() and (placement.position <= problem.domain.size).all()
