@@ -49,9 +49,9 @@ STEPS_WITHIN = 12
 # Where densities are everywhere the same, bodies come to stand in rows along the axes, and a border along these has a row at it or has
 # not. So the domain is cut out turned by this angle [rad], half way between two ways of the rows.
 TURN = math.pi / 12.0
-# Unless it is so narrow that the rectangle around it, in which bodies are placed, is so many times as large. Measured on 3,000 bodies on
-# 100 m x 1 m, turned and not: the largest number at any distance from the border is 1.8 and 2.3 times even, in 1.3 and 0.3 s; 351 bodies
-# on 10 km x 1 m were among 900,000.
+# Unless it is so narrow that the rectangle around it, in which bodies are placed, is so many times as large. Measured on 3,000 bodies
+# on 100 m x 1 m, turned and not: the largest number at any distance from the border is 1.8 and 2.3 times even, in 1.3 and 0.3 s; 351
+# bodies on 10 km x 1 m were among 900,000.
 MOST_TURNED = 50.0
 # Parts of the ground that do not meet have the numbers that they ask for, if these are not below this.
 FEWEST_OF_PART = 4.0
