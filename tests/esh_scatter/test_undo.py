@@ -41,6 +41,7 @@ BUTTONS = {
     "obstacle_add": {},
     "obstacle_remove": {},
     "scatter": {},
+    "scatter_all": {},
     "scatter_selection": {"most": 20},
     "example": {},
     "preset_apply": {},
@@ -202,7 +203,7 @@ def make_ready(name):
     elif name in ("counts_to_fit", "select_overlapping"):
         scatter.classes[1].sizes[0].count = 3000
         bpy.ops.esh.scatter()
-    elif name == "scatter":
+    elif name in ("scatter", "scatter_all"):
         scatter.seed += 1
     elif name == "class_copy":
         scatter.classes[0].tilt = 0.25

@@ -193,7 +193,7 @@ def test_the_solver_does_not_ask_how_a_space_ends():
     assert not lines_that_ask_how_a_space_ends([path for path in solver if path.name != "memory.py"])
 
 
-@pytest.mark.parametrize("page", ["CONTRIBUTING.md", "docs/how-it-works.md"])
+@pytest.mark.parametrize("page", ["CONTRIBUTING.md"])
 def test_the_pages_say_what_a_space_provides(page):
     source = (ENGINE / "space" / "kernels_space.py").read_text(encoding="utf-8")
     provided = set(re.findall(r"^@wp\.func\ndef (\w+)\(.*space: Space\):", source, re.MULTILINE))
