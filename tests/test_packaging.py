@@ -192,3 +192,20 @@ def test_nothing_that_is_made_is_committed():
         kept = path.parent == ROOT / "tests" / "esh_scatter" / "files" or path == example
         assert kept or path.suffix not in {".pyc", ".whl", ".zip", ".blend"}, path
         assert path.stat().st_size < 3_000_000, f"{path} is too large for the repository"
+
+
+def test_continuous_integration_names_tests_that_are_there():
+    """Where one of several files is missing, pytest runs none of them."""
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    listed = re.search(r"^step threads .*?^\S*# ", script, re.MULTILINE | re.DOTALL)[0]
+    named = re.findall(r"tests/[\w./]+(?:\{[\w,]+\}[\w./]*)?", listed)
+    paths = [f"{head}{one}{tail}" for head, _, several, tail in map(_parts, named) for one in several.split(",")]
+    assert len(paths) >= 14
+    assert not [path for path in paths if not (ROOT / path).exists()]
+
+
+def _parts(name: str) -> tuple[str, str, str, str]:
+    """What stands before a list in braces, whether there is one, the list, and what stands behind it."""
+    head, brace, rest = name.partition("{")
+    several, _, tail = rest.partition("}")
+    return head, brace, several, tail
