@@ -60,10 +60,7 @@ class ESH_OT_scatter_all(RunOperator):
     def _list(self, context: bpy.types.Context) -> None:
         """Note which scatters there are, by their numbers: they may be removed meanwhile."""
         scatters = context.scene.esh_scatter.scatters
-        for one in scatters:
-            if not one.uid:
-                one.give_own_uid()
-        self._left = [one.uid for one in scatters]
+        self._left = [one.own_uid() for one in scatters]
         self._shown = scatters[context.scene.esh_scatter.scatter_index].uid
         # What was run, with its reports, and what was not, with the reasons.
         self._done: list[tuple[str, dict[str, Any]]] = []

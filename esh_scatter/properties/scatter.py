@@ -45,8 +45,7 @@ def _live_switched(item: "ESH_PG_scatter", context: object) -> None:
     """Follow this scatter, or no longer."""
     from ..solving import live
 
-    if not item.uid:
-        item.give_own_uid()
+    item.own_uid()
     live.switched(item, context)
 
 
@@ -238,10 +237,12 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         self.class_index = len(self.classes) - 1
         return body_class
 
-    def give_own_uid(self) -> None:
-        """Give this scatter a number that no other one of its scene has."""
-        taken = {0, *(other.uid for other in self.id_data.esh_scatter.scatters)}
-        self.uid = next(uid for _ in range(1000) if (uid := random.getrandbits(30)) not in taken)
+    def own_uid(self) -> int:
+        """Return the number that no other scatter of its scene has, and that it is known by wherever it stands; give it one first."""
+        if not self.uid:
+            taken = {0, *(other.uid for other in self.id_data.esh_scatter.scatters)}
+            self.uid = next(uid for _ in range(1000) if (uid := random.getrandbits(30)) not in taken)
+        return int(self.uid)
 
     def give_uid(self, body_class: ESH_PG_class) -> None:
         """Give a class a number that no other class of this scatter has, by which results know it."""

@@ -145,9 +145,7 @@ def _find() -> None:
         for scatter in settings.scatters if settings is not None and scene.is_editable else ():
             if not scatter.live:
                 continue
-            if not scatter.uid:
-                scatter.give_own_uid()
-            key = scene.session_uid, scatter.uid
+            key = scene.session_uid, scatter.own_uid()
             if key not in _followed:
                 _attach()
                 _followed[key] = FollowedScatter(scene, scatter)

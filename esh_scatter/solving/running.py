@@ -77,7 +77,7 @@ class Session:
         self.job = job
         self._scene = Reference(context.scene, "scene")
         # Of the scatter that is solved; what comes before a job has none yet.
-        self._uid = _uid_of(context.scene.esh_scatter.active) if hasattr(job, "write") else None
+        self._uid = context.scene.esh_scatter.active.own_uid() if hasattr(job, "write") else None
         self.device = str(getattr(job, "device", ""))
         self.stop_reason = ""
         self.keeps = False
@@ -156,13 +156,6 @@ class Session:
             self._shown, self._asked = self.text, now
             _set_status(f"ESH Scatter: {self.text}   |   Esc: stop without changes")
             redraw_sidebars()
-
-
-def _uid_of(scatter: Any) -> int:
-    """Return a scatter's number, by which it is known wherever it is in its list."""
-    if not scatter.uid:
-        scatter.give_own_uid()
-    return int(scatter.uid)
 
 
 def may_compile(device: str) -> bool:
