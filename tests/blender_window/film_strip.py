@@ -1,4 +1,4 @@
-"""Join the pictures that ``live_driver.py`` took during a stroke: ``python film_strip.py FOLDER docs/stroke.jpg``."""
+"""Join the pictures that ``film_driver.py`` took: ``python film_strip.py FOLDER docs/stroke.jpg``."""
 
 import sys
 from pathlib import Path
@@ -6,24 +6,26 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-# What of a screenshot is shown, in pixels: left, upper, right, lower.
-PART = (430, 270, 740, 890)
+# What of a screenshot is shown, in pixels: left, upper, right, lower; and how large each picture is.
+PART = (150, 118, 1312, 936)
+SIZE = (624, 439)
+COLUMNS, ROWS = 3, 2
 GAP = 6
-# Pictures from during the stroke, at most.
-MOST = 4
 
 
 def main(folder: Path, target: Path) -> None:
-    """Write the strip: before the stroke, whenever the result had followed, and after it."""
-    during = sorted(folder.glob("stroke-*.png"), key=lambda path: int(path.stem.partition("-")[2]))
-    chosen = [during[round(k)] for k in np.linspace(0, len(during) - 1, min(MOST, len(during)))]
-    pictures = [folder / "live-before.png", *chosen, folder / "live-after.png"]
-    width, height = PART[2] - PART[0], PART[3] - PART[1]
-    strip = Image.new("RGB", (len(pictures) * (width + GAP) - GAP, height), "white")
+    """Write the strip, in rows: before the stroke, when the result had followed parts of it, and after it."""
+    during = sorted(folder.glob("film-[0-9]*.png"), key=lambda path: int(path.stem.partition("-")[2]))
+    chosen = np.linspace(0, len(during), COLUMNS * ROWS)[1:-1]
+    pictures = [folder / "film-before.png", *(during[round(k) - 1] for k in chosen), folder / "film-after.png"]
+    width, height = SIZE
+    strip = Image.new("RGB", (COLUMNS * (width + GAP) - GAP, ROWS * (height + GAP) - GAP), "white")
     for number, path in enumerate(pictures):
+        row, column = divmod(number, COLUMNS)
         with Image.open(path) as picture:
-            strip.paste(picture.convert("RGB").crop(PART), (number * (width + GAP), 0))
-    strip.save(target, quality=82, optimize=True)
+            part = picture.convert("RGB").crop(PART).resize(SIZE, Image.Resampling.LANCZOS)
+        strip.paste(part, (column * (width + GAP), row * (height + GAP)))
+    strip.save(target, quality=80, optimize=True)
 
 
 if __name__ == "__main__":

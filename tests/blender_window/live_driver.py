@@ -1,7 +1,6 @@
 """Runs inside a windowed Blender: 10,000 objects, Live, and a stroke with the mouse that is followed while it is painted.
 
-The argument says what is painted: ``image``, ``colors`` or ``weights``. With ``film`` it is an image, for the
-pictures that ``film_strip.py`` joins.
+The argument says what is painted: ``image``, ``colors`` or ``weights``.
 """
 
 import time
@@ -12,16 +11,14 @@ import window_steps as steps
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from window_steps import answer
 
-# To be looked at rather than measured: fewer objects, and a slow stroke.
-FILM = steps.ARGUMENTS[0] == "film"
-PAINTED = "image" if FILM else steps.ARGUMENTS[0]
-COUNT, SIZE = (1_500, 36.0) if FILM else (10_000, 80.0)
+PAINTED = steps.ARGUMENTS[0]
+COUNT, SIZE = 10_000, 80.0
 PIXELS = 1024
 # Where the stroke begins and ends, on the ground [m].
 FROM, TO = (-0.325 * SIZE, -0.3 * SIZE), (-0.225 * SIZE, 0.2 * SIZE)
-BRUSH = 60 if FILM else 45
+BRUSH = 45
 # It is followed in as many parts as there is time for.
-STROKE_SECONDS = 30.0 if FILM else 5.0
+STROKE_SECONDS = 5.0
 LONGEST_RUN = 180.0
 
 
@@ -185,7 +182,6 @@ class Watch:
         if total != self.sum:
             self.sum = total
             self.followed.append(now)
-            steps.take_screenshot_aside(f"stroke-{len(self.followed)}.png")
         return None if answer.get("stroked") else 0.01
 
 
