@@ -20,6 +20,11 @@ MOST_LEVELS = 12
 # Cells that larger bodies may look through for every body of a level of its own: as many as a few more neighbors of it cost.
 CELLS_PER_BODY = 64.0
 SLOTS_PER_BODY = 2
+# Others that are listed as near, of every body; where there are more, it looks for them in every round.
+MOST_NEARBY = 12
+# Cells over how far bodies of their level reach. Of many small cells most are empty, in large ones many lie that are not near.
+# Measured on 100,000 discs that cover 27 % or 75 %: finding all takes 107 and 110 ms with 2, 46 and 53 with 4, 26 and 50 with 6.
+CELL = 4.0
 
 
 class SurfaceContact:
@@ -55,7 +60,7 @@ class SurfaceContact:
         if radius is None:
             radius = contact_radii(model, longest) / model.unit
         reach = radius + half
-        level, level_reach = levels_of(reach)
+        level, level_reach = levels_of(reach, coarse=True)
         mass = np.where(model.body.flags & BodyFlags.PINNED, np.inf, model.body.area)
         footprints = kernels_surface_contact.Footprints()
         footprints.level_count = len(level_reach)
@@ -64,7 +69,10 @@ class SurfaceContact:
         footprints.reach = wp.array(reach, dtype=float, device=device)
         footprints.mass = wp.array(mass / mass[np.isfinite(mass)].mean(), dtype=float, device=device)
         footprints.level_reach = wp.array(level_reach, dtype=float, device=device)
-        footprints.inverse_cell = wp.array(0.5 / level_reach, dtype=float, device=device)
+        widest = np.array([radius[level == m].max() for m in range(len(level_reach))])
+        footprints.level_radius = wp.array(widest, dtype=float, device=device)
+        footprints.inverse_cell = wp.array(1.0 / (CELL * level_reach), dtype=float, device=device)
+        footprints.inverse_coarse_cell = wp.array(1.0 / coarse_cells(level_reach), dtype=float, device=device)
         footprints.meeting = meeting
         self._footprints = footprints
         slots = 1 << max(4, (SLOTS_PER_BODY * n - 1).bit_length())
@@ -73,6 +81,20 @@ class SurfaceContact:
         self._slots = kernels_surface_contact.Slots()
         self._slots.order, self._slots.start, self._slots.mask = self._sort.order, self._sort.cell_start, slots - 1
         self._slots.sorted_at = launcher.empty(n, wp.vec3)
+        self._coarse_sort: CellSort | None = None
+        self._coarse = self._slots
+        if len(level_reach) > 1:
+            self._coarse_sort = CellSort(launcher, n, slots)
+            self._coarse = kernels_surface_contact.Slots()
+            self._coarse.order, self._coarse.start = self._coarse_sort.order, self._coarse_sort.cell_start
+            self._coarse.mask, self._coarse.sorted_at = slots - 1, self._slots.sorted_at
+        self._nearby = kernels_surface_contact.Nearby()
+        self._nearby.room = MOST_NEARBY
+        self._nearby.count, self._nearby.body = launcher.empty(n, wp.int32), launcher.empty(n * MOST_NEARBY, wp.int32)
+        self._nearby.listed_at, self._nearby.listed_axis = (launcher.empty(n, wp.vec3) for _ in range(2))
+        # Nobody has been listed.
+        self._nearby.listed_at.fill_(wp.vec3(np.inf))
+        self._nearby.stale = launcher.zeros(1, wp.int32)
         self._pushes = kernels_surface_contact.Pushes()
         self._pushes.shift, self._pushes.turn = launcher.zeros(n, wp.vec3), launcher.zeros(n, float)
         self._pushes.count, self._pushes.overlaps = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
@@ -93,17 +115,27 @@ class SurfaceContact:
             kernels_surface_contact.contact_slots,
             [self._poses, self._footprints, self._ground, self._slots.mask, self._position],
         )
+        if self._coarse_sort is not None:
+            self._coarse_sort.sort(
+                kernels_surface_contact.coarse_slots, [self._position, self._footprints, self._coarse.mask]
+            )
+        n, position, nearby = self._model.body_count, self._position, self._nearby
         self._launcher.launch(
-            kernels_surface_contact.keep_positions, self._model.body_count, [self._position], [self._slots.sorted_at]
+            kernels_surface_contact.find_stray,
+            n,
+            [position, self._poses, self._footprints],
+            [self._slots.sorted_at, nearby],
         )
+        self._launcher.launch(kernels_surface_contact.begin_list, n, [position, self._poses], [nearby])
+        self._launcher.launch(kernels_surface_contact.end_list, 1, [], [nearby])
 
     def _round(self) -> None:
         n, ground = self._model.body_count, self._ground
         self._launcher.launch(
             kernels_surface_contact.push_apart,
             n,
-            [self._poses, self._position, self._slots, self._footprints, ground, SLACK, DAMPING],
-            [self._pushes],
+            [self._poses, self._position, self._slots, self._coarse, self._footprints, ground, SLACK, DAMPING],
+            [self._nearby, self._pushes],
             grain=GRAIN_OF_NEIGHBORS,
         )
         self._launcher.launch(
@@ -114,14 +146,26 @@ class SurfaceContact:
         )
 
 
-def levels_of(reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Levels of size, the largest first, by how far bodies reach: that of each, int32, and the farthest reach in every one."""
+def coarse_cells(level_reach: np.ndarray) -> np.ndarray:
+    """Sizes of cells that larger bodies look for those of a level in: of the smallest among these, how far it reaches."""
+    return np.concatenate([level_reach[:1], level_reach[:-1]])
+
+
+def levels_of(reach: np.ndarray, *, coarse: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Levels of size, the largest first, by how far bodies reach: that of each, int32, and the farthest reach in every one.
+
+    Args:
+        reach: How far bodies reach, shape ``[n]``.
+        coarse: Whether larger bodies look for those of a level in :func:`coarse_cells`; else in cells twice as large as these reach.
+    """
     level = np.clip(np.log2(reach.max() / reach), 0, MOST_LEVELS - 1).astype(np.int32)
     level = np.unique(level, return_inverse=True)[1].ravel().astype(np.int32)
     count = np.bincount(level)
     for m in range(len(count) - 1, 0, -1):
         # Cells that larger bodies look through for those of a level: a few small ones are found sooner among the larger.
-        cells = (reach[level < m] / reach[level == m].max() + 2.0) ** 3
+        own = reach[level == m].max()
+        cell = reach[level == m - 1].max() if coarse else 2.0 * own
+        cells = (2.0 * (reach[level < m] + own) / cell + 1.0) ** 3
         if cells.sum() > CELLS_PER_BODY * count[m]:
             level[level == m] = m - 1
             count[m - 1] += count[m]
