@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import warp as wp
@@ -29,7 +30,8 @@ from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..space.cell_sort import CellSort
 from ..surface import kernels_facets
 from ..surface.facets import Facets
-from . import kernels_cascade, kernels_near_target, kernels_points
+from . import kernels_cascade, kernels_near_target
+from .carried_tiles import CarriedTiles
 from .kernels_points import Points
 from .native_lanes import LANES
 from .nodes import NEAR_REACH, Nodes, homed
@@ -60,6 +62,14 @@ SAME_SHARE = 1e-9
 # Distance of what the near part of the target's force is summed over where there is far more of it.
 SOURCE_DISTANCE = 0.3
 MANY_SOURCES = 4.0
+# Charges go to nodes that are not as far from them as this, in lengths.
+WEIGHED_WITHIN = 2.6
+# How far from all that changed the near part of the target's force is as it was: it ends after 2.7 lengths, and what it is blurred by
+# follows densities within 2.5.
+FAR_FROM_CHANGES = 5.5
+# Where densities changed by less [log], in one edit or in several, what was blurred for them before will do: by a twentieth, of which
+# nobody sees anything.
+MOST_DENSER = 0.05
 # Largest variance of the blur of a charge, in squared lengths: what is blurred more is still seen where the near part ends.
 WIDEST_VARIANCE = 0.3
 
@@ -77,7 +87,6 @@ class _Parts:
 
     Attributes:
         points: The points.
-        area: Of all tiles that are looked at, in square units.
         tile: For the first parts, and for the second, third and fourth if any tile has them: tiles that do, ``wp.int32``.
     """
 
@@ -103,7 +112,6 @@ class _Parts:
             inputs = [tile, number, facets.count, on_device]
             launcher.launch(kernels_facets.locate_parts, len(tile), inputs, [own.position, own.normal, own.label])
         share = np.repeat(np.where(is_large, 1.0 / QUARTERS, 1.0).astype(np.float32), tiles_of_facet)
-        self.area = float(columns[-1][is_full].sum())
         self._amount = [launcher.array((column * share).astype(np.float32), float) for column in columns]
 
     def quarter(self, number: int) -> Points:
@@ -128,6 +136,74 @@ class _Parts:
         return result
 
 
+class _BlurredFor:
+    """What the near part of a target's force is blurred for, facet by facet.
+
+    Args:
+        facet_count: Number of facets.
+        uniform: Which images are uniform.
+        softness: How soft charges are.
+        charge: Charge of every particle.
+        charge_group: Its group.
+        group_count: Number of groups.
+
+    Attributes:
+        shares: Of the variance of a mean charge, those that forces are found for.
+        of_group: Which of these every group has.
+        of_target: Share that the target is blurred by.
+    """
+
+    def __init__(
+        self,
+        facet_count: int,
+        uniform: np.ndarray,
+        softness: Softness | None,
+        charge: np.ndarray,
+        charge_group: np.ndarray,
+        group_count: int,
+    ) -> None:
+        self.shares, self.of_group, self.of_target = np.ones(1), np.zeros(group_count, np.int32), 1.0
+        self._following = None if softness is None else softness.following
+        # Points know two blurs; and a softness that follows the density does so in one way, however many charges there are.
+        kinds = uniform.tolist() if softness is None else []
+        if softness is not None and softness.following is not None:
+            following = softness.following
+            self.shares, self.of_group = following.shares_of_groups(charge, charge_group, group_count)
+            self.of_target = float(np.average(following.shares(charge), weights=charge))
+            softness = softness._replace(following=following._replace(number=()))
+        self._how = (softness, kinds, self.shares.tolist(), round(self.of_target, 6))
+        # Charges now over those that there were, image after image.
+        self._density = np.ones((len(uniform), facet_count))
+
+    def carry(self, before: _BlurredFor, factor: np.ndarray) -> np.ndarray:
+        """Tell on which facets the forces from before are blurred about as they would be now, shares having changed by factors."""
+        if self._how != before._how:
+            return np.zeros(self._density.shape[1], bool)
+        if self._following is not None:
+            assert before._following is not None
+            change = factor * np.array(self._following.number) / np.maximum(before._following.number, 1e-300)
+            self._density = before._density * change[:, None]
+        return (np.abs(np.log(np.maximum(self._density, 1e-300))) < MOST_DENSER).all(axis=0)
+
+    def forget(self, facets: np.ndarray) -> None:
+        """On these facets forces are found anew."""
+        self._density[:, facets] = 1.0
+
+
+class _Known(NamedTuple):
+    """What a cascade takes from another one with the same nodes.
+
+    Attributes:
+        cascade: The other one.
+        carried: Which of its tiles are as they were.
+        kept: On which facets the near part of the target's force is, shape ``[f]``.
+    """
+
+    cascade: Cascade
+    carried: CarriedTiles
+    kept: np.ndarray
+
+
 class Cascade:
     """Evaluates the force per unit charge, -grad of sum_h M[g, h] K * (rho_h - u_h), at every charge of group g.
 
@@ -142,7 +218,7 @@ class Cascade:
         charge_group: Its group, shape ``[n]``.
         length: Spacing that it is to resolve, in units.
         softness: How soft charges are; None for points, before a target that is blurred a little.
-        nodes: Those of the same surface before, which are taken again if they will do.
+        before: Another one of the same surface, of which is taken again what will do.
 
     Attributes:
         nodes: What charges are shared out among.
@@ -167,7 +243,7 @@ class Cascade:
         charge_group: np.ndarray,
         length: float = 1.0,
         softness: Softness | None = None,
-        nodes: Nodes | None = None,
+        before: Cascade | None = None,
     ) -> None:
         self.launcher, self._length, self._softness = launcher, length, softness
         self._following = None if softness is None else softness.following
@@ -179,28 +255,33 @@ class Cascade:
         self._group = launcher.array(charge_group, wp.int32)
         uniform = _same_everywhere(share, facets.tile_area)
 
-        tiles = empty_points(launcher, facets.tile_count)
-        launcher.launch(
-            kernels_facets.locate_tiles,
-            facets.tile_count,
-            [facets.count, on_device],
-            [tiles.position, tiles.normal, tiles.label],
-        )
+        self._tiles, self._attraction = _middles(launcher, facets, on_device), attraction
         is_full = share.max(axis=0) > 0.0
-        parts = _Parts(launcher, facets, on_device, is_full, [*share, facets.tile_area], LARGE_TILE * length**2)
-        self.nodes, self.home = self._serving(nodes, facets, tiles, parts.tile[0], _places(launcher, ~is_full))
+        self._share, self._cuts = share, facets.cuts.copy()
+        carried = None
+        if before is not None and before._length == length and len(before._share) == len(share):
+            carried = CarriedTiles(facets, share, before._cuts, before._share)
+        self.nodes, self.home = self._serving(before, carried, facets, is_full)
+        if before is None or self.nodes is not before.nodes:
+            before = carried = None
         self.node_count = self.nodes.count
         self._weights, pairs = self.nodes.weights, self.nodes.pairs
         self._nearby = kernels_cascade.NearPart()
         self._nearby.start, self._nearby.near, self._nearby.cutoff = pairs.start, pairs.entry, self.nodes.cutoff
         self._nearby.interaction = self._interaction
-        same_where_full = uniform
-        if not is_full.all():
-            same_where_full = _same_everywhere(share[:, is_full], facets.tile_area[is_full])
-        self._tiles, self._attraction = tiles, attraction
-        self.node_share, self.node_area = self._shared_out(parts, share.sum(axis=1), same_where_full)
         self._set_softness(charge)
-        self._find_near_target(facets, tiles, parts, attraction, self._make_table(uniform), charge, charge_group)
+        self._blurred_for = _BlurredFor(facets.count, uniform, self._softness, charge, charge_group, self.group_count)
+        known = None if before is None or carried is None else self._known(before, carried)
+        parts = _Parts(
+            launcher,
+            facets,
+            on_device,
+            is_full if known is None else self._looked_at(known, is_full),
+            [*share, facets.tile_area],
+            LARGE_TILE * length**2,
+        )
+        self.node_share, self.node_area = self._shared_out(parts, facets.tile_area, is_full, known)
+        self._target_nearby = self._find_near_target(facets, parts, uniform, known)
         self._target = launcher.empty(self.node_count * self.group_count, float)
         self.scale_images(np.ones(self.node_count))
         counts = [level.count for level in self.nodes.levels]
@@ -337,17 +418,25 @@ class Cascade:
                 multiply(level.up, level.up_value, potential[number + 1], 1, potential[number])
 
     def _serving(
-        self, nodes: Nodes | None, facets: Facets, tiles: Points, full: wp.array, empty: wp.array
+        self,
+        before: Cascade | None,
+        carried: CarriedTiles | None,
+        facets: Facets,
+        is_full: np.ndarray,
     ) -> tuple[Nodes, wp.array]:
-        """Nodes, those that are given if they will do, and the homes of tiles among them; some tiles are full, others empty."""
-        launcher = self.launcher
-        if nodes is not None and nodes.length == self._length:
-            home = nodes.homes(tiles, full, empty, made_for_others=True)
+        """Nodes, those from before if they will do, and the homes of tiles among them."""
+        launcher, tiles = self.launcher, self._tiles
+        if before is not None and before._length == self._length:
+            known = None
+            if carried is not None:
+                was_full = before._share.max(axis=0) > 0.0
+                known = np.where(was_full[carried.source] == is_full, carried.source, -1), before.home
+            home = before.nodes.homes(tiles, is_full, made_for_others=True, known=known)
             if home is not None:
-                return nodes, home
-        middles = chosen(launcher, tiles, full) if len(empty) else tiles
+                return before.nodes, home
+        middles = tiles if is_full.all() else chosen(launcher, tiles, _places(launcher, is_full))
         nodes = Nodes(launcher, facets, self._facets, middles, self._length)
-        home = nodes.homes(tiles, full, empty)
+        home = nodes.homes(tiles, is_full)
         assert home is not None
         return nodes, home
 
@@ -408,61 +497,95 @@ class Cascade:
         )
         return result
 
+    def _known(self, before: Cascade, carried: CarriedTiles) -> _Known | None:
+        """What is taken from another cascade with the same nodes; None for nothing."""
+        kept = self._blurred_for.carry(before._blurred_for, carried.factor)
+        if kept.any():
+            kept &= ~carried.are_facets_near(FAR_FROM_CHANGES * self._length)
+        self._blurred_for.forget(~kept)
+        return _Known(before, carried, kept) if kept.any() else None
+
+    def _looked_at(self, known: _Known, is_full: np.ndarray) -> np.ndarray:
+        """Which tiles of those that are full have to do with what is found anew, shape ``[tile_count]``."""
+        facets = known.carried.facets
+        near = facets.near(~known.kept, NEAR_REACH * self._length + 2.0 * facets.across)
+        looked_at = is_full & np.repeat(near, facets.cuts**2)
+        # Kernels want something to look at.
+        looked_at[np.argmax(is_full)] = True
+        return looked_at
+
     def _find_near_target(
-        self,
-        facets: Facets,
-        tiles: Points,
-        parts: _Parts,
-        attraction: np.ndarray,
-        table: kernels_near_target.NearTable,
-        charge: np.ndarray,
-        charge_group: np.ndarray,
+        self, facets: Facets, parts: _Parts, uniform: np.ndarray, known: _Known | None
+    ) -> kernels_cascade.NearTarget:
+        """Find the near part of the target's force at the corners of all tiles, for every share of the blur, image after image.
+
+        What is known from another cascade is taken from there, and only what else there is is seen by ``parts``.
+        """
+        launcher, count, columns = self.launcher, facets.corner_count, self._attraction.shape[1]
+        vectors = len(self._blurred_for.shares) * columns
+        force = launcher.empty(vectors * count, wp.vec3)
+        self._variance = None if self._following is None else launcher.empty(count, float)
+        new = launcher.array(np.arange(count, dtype=np.int32), wp.int32)
+        if known is not None:
+            new = self._carry_near_target(known, force, vectors)
+        if len(new):
+            self._sum_near_target(facets, parts, self._make_table(uniform), new, force)
+        target = kernels_cascade.NearTarget()
+        target.force, target.corner_count, target.column_count = force, count, columns
+        target.attraction = wp.array(self._attraction.ravel(), dtype=float, device=launcher.device)
+        target.share = wp.array(self._blurred_for.of_group, dtype=wp.int32, device=launcher.device)
+        return target
+
+    def _sum_near_target(
+        self, facets: Facets, parts: _Parts, table: kernels_near_target.NearTable, new: wp.array, force: wp.array
     ) -> None:
-        """Find the near part of the target's force at the corners of all tiles, for every share of the blur, image after image."""
-        launcher, count, columns = self.launcher, facets.corner_count, attraction.shape[1]
+        """Sum the near part of the target's force at new corners of tiles, ``wp.int32``."""
+        launcher, count, columns = self.launcher, facets.corner_count, self._attraction.shape[1]
         at_corners, tile = empty_points(launcher, count), launcher.empty(count, wp.int32)
         outputs = [at_corners.position, at_corners.normal, tile]
         launcher.launch(kernels_facets.locate_corners, count, [facets.count, self._facets], outputs)
-        at_corners.label = taken(launcher, tile, tiles.label)
+        at_corners.label = taken(launcher, tile, self._tiles.label)
+        if len(new) < count:
+            at_corners, tile = chosen(launcher, at_corners, new), taken(launcher, new, tile)
         # Corners of neighboring facets that lie in one place, and look to nearly the same side, have the same force.
         cell = max(SAME_PLACE, facets.extent / (1 << 20))
         first, which = alike(launcher, at_corners, -0.5 * (facets.size + cell), cell, 1.0 / SAME_SIDE)
-        corners = chosen(launcher, at_corners, first)
-        shares, of_group, of_target = np.ones(1), np.zeros(self.group_count, np.int32), 1.0
-        variance = launcher.empty(0, float)
-        self._variance = None
-        if self._following is not None:
+        corners, variance = chosen(launcher, at_corners, first), launcher.empty(0, float)
+        if self._variance is not None:
             variance = self._variances(corners, taken(launcher, taken(launcher, first, tile), self.home))
-            self._variance = taken(launcher, which, variance)
-            shares, of_group = self._following.shares_of_groups(charge, charge_group, self.group_count)
-            of_target = float(np.average(self._following.shares(charge), weights=charge))
-        sources, source_count = self._sources(facets, parts, columns, table.cutoff, of_target)
-        force = launcher.empty(len(shares) * columns * len(first), wp.vec3)
-        for number, share in enumerate(shares.tolist()):
+            launcher.launch(kernels_near_target.put_numbers, len(new), [new, which, variance], [self._variance])
+        sources, source_count = self._sources(facets, parts, columns, table.cutoff)
+        shares = self._blurred_for.shares.tolist()
+        few = launcher.empty(len(shares) * columns * len(first), wp.vec3)
+        for number, share in enumerate(shares):
             place = number * columns * len(first)
             inputs = [corners, sources, *self.nodes.related, columns, source_count, table, variance, share, place]
-            launcher.launch(kernels_near_target.sum_near_target, len(first), inputs, [force], grain=GRAIN_OF_NEIGHBORS)
-        everywhere = launcher.empty(len(shares) * columns * count, wp.vec3)
-        launcher.launch(
-            kernels_points.spread_vectors, count, [which, len(first), len(shares) * columns, force], [everywhere]
-        )
-        self._target_nearby = target = kernels_cascade.NearTarget()
-        target.force, target.corner_count, target.column_count = everywhere, count, columns
-        target.attraction = wp.array(attraction.ravel(), dtype=float, device=launcher.device)
-        target.share = wp.array(of_group, dtype=wp.int32, device=launcher.device)
+            launcher.launch(kernels_near_target.sum_near_target, len(first), inputs, [few], grain=GRAIN_OF_NEIGHBORS)
+        inputs = [new, which, len(shares) * columns, few]
+        launcher.launch(kernels_near_target.put_forces, len(new), inputs, [force])
+
+    def _carry_near_target(self, known: _Known, force: wp.array, vectors: int) -> wp.array:
+        """Carry over forces, and variances, of facets that are kept; return all other corners, ``wp.int32``."""
+        launcher, (before, carried, kept) = self.launcher, known
+        source = carried.corners_before(kept)
+        on_device = launcher.array(source, wp.int32)
+        factor = np.tile(carried.factor, vectors // len(carried.factor)).astype(np.float32)
+        inputs = [on_device, before._target_nearby.force, launcher.array(factor, float)]
+        launcher.launch(kernels_near_target.carry_forces, len(source), inputs, [force])
+        if self._variance is not None:
+            inputs = [on_device, before._variance]
+            launcher.launch(kernels_near_target.carry_numbers, len(source), inputs, [self._variance])
+        return _places(launcher, source < 0)
 
     def _sources(
-        self, facets: Facets, parts: _Parts, columns: int, cutoff: float, of_target: float
+        self, facets: Facets, parts: _Parts, columns: int, cutoff: float
     ) -> tuple[kernels_near_target.Sources, int]:
-        """What the near part of the target's force is summed over, in the order of its cells, and how many points that are.
-
-        Where it differs, they are blurred by ``of_target`` of the variance of a mean charge.
-        """
+        """What the near part of the target's force is summed over, in the order of its cells, and how many points that are."""
         launcher, points, charge = self.launcher, parts.points, parts.all_amounts(columns)
         variance, on_host = None, None
         if self._following is not None:
             homes = np.concatenate([taken(launcher, tile, self.home).numpy() for tile in parts.tile])
-            variance = of_target * self._variances(points, launcher.array(homes, wp.int32)).numpy()
+            variance = self._blurred_for.of_target * self._variances(points, launcher.array(homes, wp.int32)).numpy()
         # On a mesh that is finer than bodies can tell, many points count as one.
         apart = SOURCE_DISTANCE * self._length
         if len(points.position) * apart**2 > MANY_SOURCES * facets.area.sum():
@@ -502,7 +625,9 @@ class Cascade:
         variance = None if variance is None else added(variance) / number
         return few, summed.astype(np.float32), variance
 
-    def _shared_out(self, parts: _Parts, total: np.ndarray, uniform: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _shared_out(
+        self, parts: _Parts, area: np.ndarray, is_full: np.ndarray, known: _Known | None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Share images out among the nodes, as charges are; and the area of the tiles that are full.
 
         Every part of a tile goes by itself: from the middles of tiles alone, large ones would be blurred less than small ones, and
@@ -510,10 +635,15 @@ class Cascade:
 
         Args:
             parts: What images are on, with the share of every image and, last, the area.
-            total: What there is of every image, shape ``[column_count]``.
-            uniform: Whether as much of it is on every tile that is full as this has area, shape ``[column_count]``.
+            area: Of every tile, shape ``[tile_count]``.
+            is_full: Which tiles have any density, shape ``[tile_count]``.
+            known: What is taken from another cascade, of which nodes far from all changes are.
         """
-        launcher, columns = self.launcher, len(total)
+        launcher, share = self.launcher, self._share
+        columns, total = len(share), share.sum(axis=1)
+        # As much of them is on every tile that is full as this has area.
+        full_area = area if is_full.all() else area[is_full]
+        uniform = _same_everywhere(share if is_full.all() else share[:, is_full], full_area)
         result = np.zeros((columns + 1, self.node_count))
         room = None
         for number, tile in enumerate(parts.tile):
@@ -522,7 +652,12 @@ class Cascade:
                 room = _room_for_sorted(launcher, len(tile))
             for column in [*np.flatnonzero(~uniform).tolist(), columns]:
                 result[column] += self._deposited(at_home, parts.amounts(number, column), room)
-        result[:-1][uniform] = total[uniform, None] / parts.area * result[-1]
+        if known is not None:
+            before, carried = known.cascade, known.carried
+            away = ~carried.is_near(self.nodes.points.position.numpy(), WEIGHED_WITHIN * self._length)
+            result[:-1, away] = carried.factor[:, None] * before.node_share[:, away]
+            result[-1, away] = before.node_area[away]
+        result[:-1][uniform] = total[uniform, None] / float(full_area.sum()) * result[-1]
         return result[:-1], result[-1]
 
     def _homed(self, points: Points, home: wp.array) -> kernels_cascade.Homed:
@@ -552,6 +687,14 @@ class Cascade:
             grain=GRAIN_OF_NEIGHBORS,
         )
         return received.numpy()
+
+
+def _middles(launcher: Launcher, facets: Facets, on_device: kernels_facets.Facets) -> Points:
+    """Middles of all tiles."""
+    tiles = empty_points(launcher, facets.tile_count)
+    outputs = [tiles.position, tiles.normal, tiles.label]
+    launcher.launch(kernels_facets.locate_tiles, facets.tile_count, [facets.count, on_device], outputs)
+    return tiles
 
 
 def _places(launcher: Launcher, mask: np.ndarray) -> wp.array:

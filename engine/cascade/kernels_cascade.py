@@ -430,6 +430,20 @@ def find_homes(
 
 
 @wp.kernel
+def carry_homes(
+    first: int,
+    source: wp.array(dtype=wp.int32),
+    home_before: wp.array(dtype=wp.int32),
+    # outputs
+    home: wp.array(dtype=wp.int32),
+):
+    """Homes of what was there before, by the number that each had, -1 for others."""
+    i = first + wp.tid()
+    if source[i] >= 0:
+        home[i] = home_before[source[i]]
+
+
+@wp.kernel
 def settle(
     first: int,
     tile: wp.array(dtype=wp.int32),

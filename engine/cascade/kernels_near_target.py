@@ -206,3 +206,65 @@ def sum_near_target(
                     own_variance,
                 )
         force[force_start + c * corners.position.shape[0] + i] = total
+
+
+@wp.kernel
+def carry_forces(
+    first: int,
+    source: wp.array(dtype=wp.int32),
+    force_before: wp.array(dtype=wp.vec3),
+    factor: wp.array(dtype=float),
+    # outputs
+    force: wp.array(dtype=wp.vec3),
+):
+    """Forces at corners that were there before, by the number that each had, -1 for new ones; every column times its factor."""
+    i = first + wp.tid()
+    if source[i] >= 0:
+        count, count_before = source.shape[0], force_before.shape[0] / factor.shape[0]
+        for c in range(factor.shape[0]):
+            force[c * count + i] = factor[c] * force_before[c * count_before + source[i]]
+
+
+@wp.kernel
+def carry_numbers(
+    first: int,
+    source: wp.array(dtype=wp.int32),
+    values_before: wp.array(dtype=float),
+    # outputs
+    values: wp.array(dtype=float),
+):
+    """Numbers of what was there before."""
+    i = first + wp.tid()
+    if source[i] >= 0:
+        values[i] = values_before[source[i]]
+
+
+@wp.kernel
+def put_numbers(
+    first: int,
+    index: wp.array(dtype=wp.int32),
+    which: wp.array(dtype=wp.int32),
+    few: wp.array(dtype=float),
+    # outputs
+    values: wp.array(dtype=float),
+):
+    """Give points of an index the numbers of those that they are like."""
+    i = first + wp.tid()
+    values[index[i]] = few[which[i]]
+
+
+@wp.kernel
+def put_forces(
+    first: int,
+    index: wp.array(dtype=wp.int32),
+    which: wp.array(dtype=wp.int32),
+    columns: int,
+    few: wp.array(dtype=wp.vec3),
+    # outputs
+    force: wp.array(dtype=wp.vec3),
+):
+    """Give points of an index the forces of those that they are like, column after column."""
+    i = first + wp.tid()
+    count, count_few = force.shape[0] / columns, few.shape[0] / columns
+    for c in range(columns):
+        force[c * count + index[i]] = few[c * count_few + which[i]]

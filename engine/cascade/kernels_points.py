@@ -258,12 +258,42 @@ def find_nearest(
 
 
 @wp.kernel
+def mark_own(
+    first: int,
+    points: Points,
+    alike: wp.array(dtype=wp.int32),
+    which: wp.array(dtype=wp.int32),
+    # outputs
+    is_own: wp.array(dtype=wp.int32),
+):
+    """Mark points that are the first of those that are alike, or differ from it in any digit."""
+    i = first + wp.tid()
+    j = alike[which[i]]
+    same = points.position[i] == points.position[j] and points.normal[i] == points.normal[j]
+    is_own[i] = int(i == j or not same)
+
+
+@wp.kernel
+def find_same(
+    first: int,
+    alike: wp.array(dtype=wp.int32),
+    is_own: wp.array(dtype=wp.int32),
+    start: wp.array(dtype=wp.int32),
+    # outputs
+    which: wp.array(dtype=wp.int32),
+):
+    """From which of ``alike`` a point is like to which of its own points it is the same as; ``start`` is their running sum."""
+    i = first + wp.tid()
+    if is_own[i] != 0:
+        which[i] = start[i]
+    else:
+        which[i] = start[alike[which[i]]]
+
+
+@wp.kernel
 def average_normals(
     first: int,
-    position: wp.array(dtype=wp.vec3),
-    normal: wp.array(dtype=wp.vec3),
-    label: wp.array(dtype=wp.int32),
-    of_label: int,
+    points: Points,
     others: Points,
     area: wp.array(dtype=float),
     grid: PointGrid,
@@ -274,13 +304,13 @@ def average_normals(
 ):
     """Average, by a Gaussian, of what the surface looks to at other points of the same part near every point.
 
-    Each of the others counts by the ``area`` that it stands for, and by how much the point sees of it. A label is that of ``of_label``
-    points. Cells are as large as ``reach``.
+    Each of the others counts by the ``area`` that it stands for, and by how much the point sees of it. Cells are as large as
+    the reach.
     """
     i = first + wp.tid()
-    place = position[i]
-    own = normal[i]
-    part = label[i / of_label]
+    place = points.position[i]
+    own = points.normal[i]
+    part = points.label[i]
     total = wp.vec3(0.0, 0.0, 0.0)
     cell = cell_at(place, grid.inverse_size)
     for number in range(27):
@@ -504,6 +534,19 @@ def list_flagged(
     i = first + wp.tid()
     if flag[i] != 0:
         place[start[i]] = i
+
+
+@wp.kernel
+def repeat_numbers(
+    first: int,
+    values: wp.array(dtype=wp.int32),
+    times: int,
+    # outputs
+    repeated: wp.array(dtype=wp.int32),
+):
+    """Each number so many times, one after the other."""
+    i = first + wp.tid()
+    repeated[i] = values[i / times]
 
 
 @wp.kernel

@@ -112,32 +112,42 @@ class Nodes:
         self.levels = self._make_levels(facets.extent * math.sqrt(3.0))
 
     def homes(
-        self, tiles: Points, full: wp.array, empty: wp.array, *, made_for_others: bool = False
+        self,
+        tiles: Points,
+        is_full: np.ndarray,
+        *,
+        made_for_others: bool = False,
+        known: tuple[np.ndarray, wp.array] | None = None,
     ) -> wp.array | None:
         """Return which node on the surface is the home of charges on every tile, ``wp.int32``, shape ``[tile_count]``.
 
         Args:
             tiles: Their middles.
-            full: Numbers of those that have any density, ``wp.int32``.
-            empty: Numbers of all others.
+            is_full: Which of them have any density.
             made_for_others: Whether the nodes were made where another density was: then None where any full tile has none near.
+            known: Which of others each tile was before, -1 for new ones, and the homes of these, ``wp.int32``.
         """
-        launcher, length = self._launcher, self.length
-        result = launcher.zeros(len(tiles.position), wp.int32)
+        launcher, length, count = self._launcher, self.length, len(is_full)
+        result, is_new = launcher.zeros(count, wp.int32), np.ones(count, bool)
+        if known is not None:
+            is_new = known[0] < 0
+            inputs = [launcher.array(known[0].astype(np.int32), wp.int32), known[1]]
+            launcher.launch(kernels_cascade.carry_homes, count, inputs, [result])
 
-        def find(own: wp.array, reach: float, turn: float) -> wp.array:
-            points = chosen(launcher, tiles, own) if len(own) < len(result) else tiles
+        def find(own: np.ndarray, reach: float, turn: float) -> wp.array:
+            number = launcher.array(np.flatnonzero(own).astype(np.int32), wp.int32)
+            points = chosen(launcher, tiles, number) if len(number) < count else tiles
             near = nearest_of(launcher, points, self._on_surface, reach, turn)
-            launcher.launch(kernels_cascade.settle, len(own), [own, near, self._place], [result])
+            launcher.launch(kernels_cascade.settle, len(number), [number, near, self._place], [result])
             return near
 
         reach = HOME_REACH_OF_OTHERS if made_for_others else HOME_REACH
-        near = find(full, reach * length, HOME_TURN * length)
+        near = find(is_full & is_new, reach * length, HOME_TURN * length)
         if made_for_others and (near.numpy() < 0).any():
             return None
-        if len(empty):
+        if not is_full.all():
             # What is fixed may lie there, and ends of lines.
-            find(empty, FAR_HOME_REACH * length, 0.0)
+            find(~is_full & is_new, FAR_HOME_REACH * length, 0.0)
         return result
 
     def nearest(self, some: np.ndarray, others: np.ndarray) -> np.ndarray:

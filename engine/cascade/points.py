@@ -23,6 +23,7 @@ __all__ = [
     "lists_of",
     "nearest_of",
     "runs_of",
+    "same",
     "taken",
     "thinned",
 ]
@@ -34,6 +35,8 @@ CELLS_OF_RADIUS = 4.0
 CROWDED = 0.5
 # Such points look into the same direction where their normals, times this, are the same whole numbers: to one of 27 sides.
 TURNS_OF_CELL = 1.49
+# The same where copies are looked for.
+TURNS_OF_SAME = 8.0
 # Entries that most lists of neighbors have room for; those of other surfaces are made once more.
 ROOM = 64
 # Numbers that a run takes in rather than end.
@@ -147,6 +150,20 @@ def alike(
     first, is_first = _first_alike(launcher, points, low, cell, turns)
     start, total = running_sum(launcher, is_first)
     return _listed(launcher, is_first, start, total), taken(launcher, first, start)
+
+
+def same(launcher: Launcher, points: kernels_points.Points, low: np.ndarray, cell: float) -> tuple[wp.array, wp.array]:
+    """Return points of which all others are copies, and which of these each point is the same as; both ``wp.int32``.
+
+    Copies are found among those that are alike (:func:`alike`) in cells of a size that begin at ``low``.
+    """
+    count = len(points.position)
+    first, which = alike(launcher, points, low, cell, TURNS_OF_SAME)
+    is_own = launcher.empty(count, wp.int32)
+    launcher.launch(kernels_points.mark_own, count, [points, first, which], [is_own])
+    start, total = running_sum(launcher, is_own)
+    launcher.launch(kernels_points.find_same, count, [first, is_own, start], [which])
+    return _listed(launcher, is_own, start, total), which
 
 
 def _one_of_each_cell(launcher: Launcher, points: kernels_points.Points, cell: float) -> wp.array | None:

@@ -22,7 +22,7 @@ from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..surface import kernels_facets
 from ..surface.facets import Facets
 from . import kernels_points
-from .points import chosen, empty_points, grid_of, nearest_of, thinned
+from .points import chosen, empty_points, grid_of, nearest_of, same, thinned
 
 __all__ = ["looks_other_from_afar", "seen_from_afar"]
 
@@ -44,6 +44,8 @@ STEP = 0.3
 ROUGH = 0.3
 # Tiny triangles turn by any angle within no distance; they count as no more than this.
 MOST_TURN = 9.0
+# Corners that are the same are looked for among those that lie so near to each other, in units.
+SAME_PLACE = 1e-3
 # What is the same from near and from afar.
 SHARED = ("mesh", "corner", "normal", "label", "open_sides", "cuts", "first_tile", "first_corner", "relations", "parts")
 
@@ -85,17 +87,36 @@ def _averages(launcher: Launcher, facets: Facets, on_device: kernels_facets.Face
     few, area = _standing_for_all(launcher, facets, on_device, STEP * length)
     grid = grid_of(launcher, few.position, REACH * width)
 
-    def averaged(position: wp.array, normal: wp.array, label: wp.array, of_label: int) -> wp.array:
-        average = launcher.empty(len(position), wp.vec3)
-        inputs = [position, normal, label, of_label, few, area, grid, width, REACH * width]
-        launcher.launch(kernels_points.average_normals, len(position), inputs, [average], grain=GRAIN_OF_NEIGHBORS)
-        return average
+    def average(points: kernels_points.Points) -> wp.array:
+        result = launcher.empty(len(points.position), wp.vec3)
+        inputs = [points, few, area, grid, width, REACH * width]
+        launcher.launch(kernels_points.average_normals, len(result), inputs, [result], grain=GRAIN_OF_NEIGHBORS)
+        return result
 
-    normal = averaged(on_device.corner, on_device.corner_normal, on_device.label, 3)
+    # Most corners are those of several facets.
+    corners, which = _corners(launcher, facets, on_device)
+    corners.normal = average(corners)
     for _ in range(rounds - 1):
-        few.normal = averaged(few.position, few.normal, few.label, 1)
-        normal = averaged(on_device.corner, normal, on_device.label, 3)
-    return normal
+        few.normal = average(few)
+        corners.normal = average(corners)
+    everywhere = launcher.empty(len(which), wp.vec3)
+    inputs = [which, len(corners.position), 1, corners.normal]
+    launcher.launch(kernels_points.spread_vectors, len(which), inputs, [everywhere])
+    return everywhere
+
+
+def _corners(
+    launcher: Launcher, facets: Facets, on_device: kernels_facets.Facets
+) -> tuple[kernels_points.Points, wp.array]:
+    """The corners of facets, those that are the same once, and which of these every corner is."""
+    count = len(on_device.corner)
+    all_corners = kernels_points.Points()
+    all_corners.position, all_corners.normal = on_device.corner, on_device.corner_normal
+    all_corners.label = launcher.empty(count, wp.int32)
+    launcher.launch(kernels_points.repeat_numbers, count, [on_device.label, 3], [all_corners.label])
+    cell = max(SAME_PLACE, facets.extent / (1 << 20))
+    own, which = same(launcher, all_corners, -0.5 * (facets.size + cell), cell)
+    return chosen(launcher, all_corners, own), which
 
 
 def _standing_for_all(

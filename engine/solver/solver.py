@@ -52,6 +52,7 @@ from .surface_placement import points_of
 from .surface_places import PlacesOnSurface, spots_of_places
 from .surface_rare_start import rare_start_on_surface
 from .surface_settling import settle_on_surface
+from .surface_spreading import SpreadingOnSurface
 from .surface_state import SurfaceState
 
 __all__ = ["Bookmark", "Edit", "Solver"]
@@ -181,6 +182,7 @@ class Solver:
                     # Of a few bodies the best of several starts is found; a state, or who pins bodies, says where they are.
                 rare = None
                 self.descent: Descent | SurfaceDescent
+                self._spreading = SpreadingOnSurface()
                 self._spreads, self._next_identity = 0, int(self.model.body.identity.max()) + 1
                 if at is not None:
                     self.start_at(**at)
@@ -304,7 +306,7 @@ class Solver:
 
         def start(new: SurfaceDescent) -> None:
             carried, spots = carry_over_on_surface(
-                before, points, model, new.facets, new.share, self._next_identity, rng
+                before, points, model, new.facets, new.share, self._next_identity, rng, self._spreading
             )
             model.carry(before, carried)
             made.append((carried, new.take_over(carried.source, spots, before, old)))

@@ -14,7 +14,6 @@ import numpy as np
 import warp as wp
 
 from ..cascade.cascade import Cascade
-from ..cascade.nodes import Nodes
 from ..cascade.points import empty_points
 from ..cascade.seen_from_afar import looks_other_from_afar, seen_from_afar
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
@@ -196,7 +195,7 @@ class SurfaceDescent:
             charge=model.charge.charge,
             charge_group=model.body.group[model.charge.body],
             softness=softness,
-            nodes=self._nodes_of(before),
+            before=self._cascade_of(before),
         )
         if before is not None and before.cascade.nodes is self.cascade.nodes:
             # What an edit finds corrected stays so.
@@ -208,11 +207,11 @@ class SurfaceDescent:
         if potential is not None:
             self.cascade.set_offset(potential)
 
-    def _nodes_of(self, before: SurfaceDescent | None) -> Nodes | None:
-        """The nodes of another descent in the same unit, if it sees the surface as this one does."""
+    def _cascade_of(self, before: SurfaceDescent | None) -> Cascade | None:
+        """The cascade of another descent in the same unit, if it sees the surface as this one does."""
         if before is None or (before._from_afar is None) != (self._from_afar is None):
             return None
-        return before.cascade.nodes
+        return before.cascade
 
     def take_step(self) -> None:
         """Launch a whole step."""

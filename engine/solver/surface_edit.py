@@ -16,7 +16,7 @@ from .carried_over import CarriedOver
 from .kernels_edit import FEW, UNCHANGED
 from .model import Model
 from .surface_places import Spots, TilePlaces, middles_of_strata, spots_of_points, tiles_of, with_first_corner
-from .surface_spreading import is_spread, nearest_of, spread_on_surface
+from .surface_spreading import SpreadingOnSurface, is_spread, nearest_of
 
 __all__ = ["carry_over_on_surface"]
 
@@ -29,6 +29,7 @@ def carry_over_on_surface(
     share: np.ndarray,
     first_identity: int,
     rng: np.random.Generator,
+    spreading: SpreadingOnSurface,
 ) -> tuple[CarriedOver, Spots]:
     """Bring the bodies of one model over to another on the same surface.
 
@@ -40,11 +41,12 @@ def carry_over_on_surface(
         share: Share of every class's density on every tile now, shape ``[class_count, tile_count]``.
         first_identity: Identity of the first body that is new; later ones follow.
         rng: What is random.
+        spreading: Spreads points on this surface.
 
     Returns:
         Who stays and who is new, and where all of them are, by facets; fixed ones, and those that may not be there now, are anywhere.
     """
-    edit = _SurfaceEdit(old, points, model, facets, share, rng)
+    edit = _SurfaceEdit(old, points, model, facets, share, rng, spreading)
     for c, body_class in enumerate(model.problem.classes):
         share_before, share_now = edit.shares_of(c)
         for s, size in enumerate(body_class.sizes):
@@ -62,6 +64,7 @@ class _SurfaceEdit:
         facets: The surface as the new model has it cut.
         share: Share of every class's density on every tile now.
         rng: What is random.
+        spreading: Spreads points on this surface.
 
     Attributes:
         source: Index of the same body in the old model, -1 for a new one, shape ``[n]``.
@@ -77,7 +80,9 @@ class _SurfaceEdit:
         facets: Facets,
         share: np.ndarray,
         rng: np.random.Generator,
+        spreading: SpreadingOnSurface,
     ) -> None:
+        self._spreading = spreading
         self._old, self._points, self._model, self._facets, self._share = old, points, model, facets, share
         n = model.body_count
         self.source = np.full(n, -1, np.int64)
@@ -144,7 +149,7 @@ class _SurfaceEdit:
     def _spread(self, share: np.ndarray, count: int) -> Spots:
         """So many places that are spread evenly over a share of every tile."""
         spots = self._places.draw(share, count)
-        return spread_on_surface(self._facets, share, spots) if is_spread(self._facets, share, count) else spots
+        return self._spreading.spread(self._facets, share, spots) if is_spread(self._facets, share, count) else spots
 
     def _staying(self, pool: np.ndarray, wanted: np.ndarray, there: np.ndarray, seats: int) -> np.ndarray:
         """Return which of some bodies stay: each as likely as its tile is wanted, all spread evenly, and no more than there are seats.
@@ -190,7 +195,7 @@ class _SurfaceEdit:
         position = self._points.position[pool]
         if count >= len(may_be) or not is_spread(self._facets, share, count):
             return middles_of_strata(position, chance[tile], count)
-        spots = spread_on_surface(self._facets, share, self._places.draw(share, count))
+        spots = self._spreading.spread(self._facets, share, self._places.draw(share, count))
         place = self._facets.surface.points(*self._facets.in_triangle(*with_first_corner(spots))).position
         on_tile = tiles_of(self._facets, *spots)
         return may_be[nearest_of(place, on_tile, position[may_be], tile[may_be])]

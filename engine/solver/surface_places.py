@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -57,6 +58,8 @@ def spots_of_points(facets: Facets, points: PointsOnSurface) -> Spots:
     candidate = order[first[row] + within]
     used, which = np.unique(candidate, return_inverse=True)
     weight = np.einsum("nk,nkd->nd", points.barycentric[row], inverses(facets.weight[used])[which])
+    if len(row) == len(first):
+        return candidate.astype(np.int32), _inside(weight)
     # Of the facets of its triangle, that which a point lies deepest in.
     depth = weight.min(axis=1)
     best = np.lexsort((candidate, -depth, row))
@@ -66,6 +69,22 @@ def spots_of_points(facets: Facets, points: PointsOnSurface) -> Spots:
 
 def spots_near_points(launcher: Launcher, facets: Facets, points: PointsOnSurface) -> Spots:
     """Return what :func:`spots_of_points` does, sooner where triangles have many facets."""
+    count = np.bincount(facets.triangle, minlength=len(facets.surface.triangle))
+    whole = count[points.triangle] == 1
+    if whole.all():
+        return spots_of_points(facets, points)
+    facet, weight = np.empty(len(whole), np.int32), np.empty((len(whole), 2), np.float32)
+    for own, spots in ((whole, spots_of_points), (~whole, partial(_spots_in_parts, launcher))):
+        some = np.flatnonzero(own)
+        if len(some):
+            facet[some], weight[some] = spots(
+                facets, points.surface.points(points.triangle[some], points.barycentric[some])
+            )
+    return facet, weight
+
+
+def _spots_in_parts(launcher: Launcher, facets: Facets, points: PointsOnSurface) -> Spots:
+    """The same of points on triangles of which each has many facets."""
     place = (points.position - facets.middle) / facets.unit
     facet = _nearest_facets(launcher, facets, place)
     weight = _inside(corner_weights(facets.corner[facet], place))

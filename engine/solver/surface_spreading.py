@@ -6,6 +6,8 @@ another one has none. Strata of a curve through space alone mix what is near in 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ..problem.body_class import BodyClass
@@ -17,7 +19,7 @@ from .surface_descent import SurfaceDescent
 from .surface_placement import points_of
 from .surface_places import Spots, spots_near_points, tiles_of, with_first_corner
 
-__all__ = ["is_spread", "nearest_of", "spread_on_surface"]
+__all__ = ["SpreadingOnSurface", "is_spread", "nearest_of"]
 
 # Measured with a twentieth of a surface painted and counts as they were, by the coverage error at a spacing over that after 100 more
 # steps. A fifth of the density there: on a knotted tube with 1,000 bodies 5.6 without these steps and 1.6 with them, with 3,000 1.7
@@ -31,6 +33,10 @@ MOST_TRIANGLES = 30_000
 MOST_POINTS = 20_000
 # Share over the largest one for its area that a tile has at least: points may leave where there is no density.
 LEAST = 1e-7
+# Spacings of points that are taken as the same: so many from an area for each to twice that; and how many descents of different ones
+# are kept.
+SPACINGS_OF_TWICE = 2
+MOST_KEPT = 3
 # So many bodies before and behind a point on the curve are looked at for the nearest one.
 AROUND = 100
 
@@ -46,36 +52,49 @@ def is_spread(facets: Facets, share: np.ndarray, count: int) -> bool:
     return used > BROAD * float(area.sum())
 
 
-def spread_on_surface(facets: Facets, share: np.ndarray, start: Spots) -> Spots:
-    """Return places that are spread evenly.
+class SpreadingOnSurface:
+    """Spreads points on a surface, again and again; what the surface is at a spacing is found once, and lasts for some more."""
 
-    Args:
-        facets: The surface.
-        share: Of every tile, shape ``[tile_count]``; their sum is above 0.
-        start: Where the points begin.
-    """
-    launcher, surface, count = facets.launcher, facets.surface, len(start[0])
-    model = Model(Problem(surface, [BodyClass("points", [Size("point", 1e-3 * surface.area / count, count)])]))
-    some = np.flatnonzero(share)
-    facet, weight = facets.tiles(np.arange(facets.count))
-    middles = surface.points(*facets.in_triangle(facet[some], weight[some]))
-    begin = surface.points(*facets.in_triangle(*with_first_corner(start)))
+    def __init__(self) -> None:
+        # The last ones, by their spacings.
+        self._descents: dict[int, SurfaceDescent] = {}
 
-    def shares(coarse: Facets) -> np.ndarray:
-        tile = tiles_of(coarse, *spots_near_points(launcher, coarse, middles))
-        found = np.bincount(tile, share[some], coarse.tile_count)
-        area = np.maximum(coarse.tile_area, 1e-300)
-        found = np.maximum(found, LEAST * float((found / area).max()) * area)
-        return np.asarray(found / found.sum())[None]
+    def spread(self, facets: Facets, share: np.ndarray, start: Spots) -> Spots:
+        """Return places that are spread evenly.
 
-    def put(new: SurfaceDescent) -> None:
-        new.put_at(spots_near_points(launcher, new.facets, begin), None, None)
+        Args:
+            facets: The surface, always the same one, cut in any way.
+            share: Of every tile, shape ``[tile_count]``; their sum is above 0.
+            start: Where the points begin.
+        """
+        launcher, surface, count = facets.launcher, facets.surface, len(start[0])
+        spacing = round(SPACINGS_OF_TWICE * math.log2(surface.area / count))
+        before = self._descents.pop(spacing, None)
+        problem = Problem(surface, [BodyClass("points", [Size("point", 1e-3 * surface.area / count, count)])])
+        model = Model(problem, unit=2.0 ** (0.5 * spacing / SPACINGS_OF_TWICE))
+        some = np.flatnonzero(share)
+        facet, weight = facets.tiles(np.arange(facets.count))
+        middles = surface.points(*facets.in_triangle(facet[some], weight[some]))
+        begin = surface.points(*facets.in_triangle(*with_first_corner(start)))
 
-    descent = SurfaceDescent(model, launcher, put, shares=shares)
-    descent.step.play(STEPS)
-    points = points_of(launcher, descent.facets, descent.state)
-    launcher.release(descent.step)
-    return spots_near_points(launcher, facets, points)
+        def shares(coarse: Facets) -> np.ndarray:
+            tile = tiles_of(coarse, *spots_near_points(launcher, coarse, middles))
+            found = np.bincount(tile, share[some], coarse.tile_count)
+            area = np.maximum(coarse.tile_area, 1e-300)
+            found = np.maximum(found, LEAST * float((found / area).max()) * area)
+            return np.asarray(found / found.sum())[None]
+
+        def put(new: SurfaceDescent) -> None:
+            new.put_at(spots_near_points(launcher, new.facets, begin), None, None)
+
+        descent = SurfaceDescent(model, launcher, put, before, shares)
+        descent.step.play(STEPS)
+        points = points_of(launcher, descent.facets, descent.state)
+        launcher.release(descent.step)
+        self._descents[spacing] = descent
+        for oldest in list(self._descents)[:-MOST_KEPT]:
+            del self._descents[oldest]
+        return spots_near_points(launcher, facets, points)
 
 
 def nearest_of(place: np.ndarray, tile: np.ndarray, body: np.ndarray, body_tile: np.ndarray) -> np.ndarray:

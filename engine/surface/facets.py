@@ -17,7 +17,7 @@ from . import kernels_cut, kernels_facets, kernels_standing
 from .cut import empty_pieces, places_of, small_pieces, triangles_of
 from .relations import Relations
 
-__all__ = ["Facets"]
+__all__ = ["Facets", "are_near"]
 
 # Longest side of a tile, and of a facet, in units.
 TILE = 1.3
@@ -152,6 +152,11 @@ class Facets:
         return float(self.size.max())
 
     @property
+    def across(self) -> float:
+        """How far a point of any facet is from its middle at most, in units."""
+        return 2.0 / 3.0 * float(self.longest.max())
+
+    @property
     def tile_area(self) -> np.ndarray:
         """Area of every tile, shape ``[tile_count]``."""
         if self._tile_area is None:
@@ -168,16 +173,13 @@ class Facets:
         self.first_tile, self.first_corner = self._counted()
         self._tile_area = None
 
-    def near(self, chosen: np.ndarray, distance: float) -> np.ndarray:
-        """Which facets have chosen ones within a distance, and some that are up to three times as far; masks of shape ``[f]``."""
-        cell = np.floor(self.corner.mean(axis=1) / max(distance, FACET)).astype(np.int64)
-        cell -= cell.min(axis=0) - 1
-        extent = cell.max(axis=0) + 2
-        number = (cell[:, 0] * extent[1] + cell[:, 1]) * extent[2] + cell[:, 2]
-        marked = np.unique(number[chosen])
-        steps = np.array([-1, 0, 1])
-        around = (steps[:, None, None] * extent[1] + steps[:, None]) * extent[2] + steps
-        return np.isin(number, (marked[:, None] + around.ravel()).ravel())
+    def near(self, chosen: np.ndarray, distance: float, cells: int = 1) -> np.ndarray:
+        """Which facets have chosen ones within a distance, and some that are farther; masks of shape ``[f]``.
+
+        These are up to three times as far, and the nearer the more ``cells`` there are along the distance.
+        """
+        middle = self.corner.mean(axis=1)
+        return are_near(middle, middle[chosen], max(distance, FACET), cells)
 
     def tiles(self, facet: np.ndarray, inner: int = 1) -> tuple[np.ndarray, np.ndarray]:
         """Facet, and weights of its corners, of ``inner²`` points in every tile of some facets, shape ``[m]``, in rising order.
@@ -261,6 +263,24 @@ class Facets:
         """The first tile of every facet, and its first corner of tiles."""
         tiles, corners = self.cuts**2, (self.cuts + 1) * (self.cuts + 2) // 2
         return np.concatenate([[0], np.cumsum(tiles)]), np.concatenate([[0], np.cumsum(corners)])
+
+
+def are_near(place: np.ndarray, others: np.ndarray, distance: float, cells: int) -> np.ndarray:
+    """Which places, shape ``[n, 3]``, have others within a distance, and some that are farther: fewer with more cells along it."""
+    if not len(others):
+        return np.zeros(len(place), bool)
+    cell, of_others = (np.floor(some / (distance / cells)).astype(np.int64) for some in (place, others))
+    low = np.minimum(cell.min(axis=0), of_others.min(axis=0)) - cells
+    extent = np.maximum(cell.max(axis=0), of_others.max(axis=0)) - low + cells + 1
+
+    def numbers(of: np.ndarray) -> np.ndarray:
+        x, y, z = (of - low).T
+        return (x * extent[1] + y) * extent[2] + z
+
+    steps = np.arange(-cells, cells + 1)
+    around = (steps[:, None, None] * extent[1] + steps[:, None]) * extent[2] + steps
+    marked = np.unique(numbers(of_others))
+    return np.isin(numbers(cell), (marked[:, None] + around.ravel()).ravel())
 
 
 def _tile_pattern(cuts: int, inner: int) -> np.ndarray:
