@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from .carried_lines import carry_lines
+from .carried_lines import carry_lines, rows_of_carried_lines
 from .carried_over import CarriedInPlane
 from .descent import Descent
 from .model import Model
@@ -64,9 +64,7 @@ def carried_poses(old: Model, before: State, model: Model, carried: CarriedInPla
         return carried.pose
     pose = carried.pose.numpy().astype(np.float64)
     pose[:, 2:] = np.nan
-    came = np.flatnonzero((carried.source >= 0) & (model.body.kind >= 0))
-    # What was another kind of body has neither angle nor length.
-    came = came[model.charge.per_body[came] == old.charge.per_body[carried.source[came]]]
+    came = rows_of_carried_lines(old, model, carried.source)
     pose[came, 2:] = before.pose.numpy()[carried.source[came], 2:]
     pose[came, 3] *= old.unit / model.unit
     return pose

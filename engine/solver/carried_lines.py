@@ -11,7 +11,7 @@ from .model import Model
 from .state import State
 from .surface_state import SurfaceState
 
-__all__ = ["carry_bends", "carry_lines"]
+__all__ = ["carry_bends", "carry_lines", "rows_of_carried_lines"]
 
 
 def carry_lines(
@@ -28,6 +28,12 @@ def carry_lines(
     carry_bends(old, state.bend, model, new_state.bend, source)
     if old.kinds and model.kinds:
         new_state.length_factor.assign(_length_factors(old, state.length_factor.numpy(), model))
+
+
+def rows_of_carried_lines(old: Model, model: Model, source: np.ndarray) -> np.ndarray:
+    """Which lines were lines before: what was a dot has neither angle nor length; ``source`` as above."""
+    came = np.flatnonzero((source >= 0) & (model.body.kind >= 0))
+    return came[old.body.kind[source[came]] >= 0]
 
 
 def carry_bends(old: Model, bent: wp.array, model: Model, bent_now: wp.array, source: np.ndarray) -> None:

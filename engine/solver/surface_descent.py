@@ -26,7 +26,7 @@ from ..surface.facets import Facets
 from ..surface.parts import joined_parts
 from . import kernels_on_surface, kernels_surface_bends, kernels_surface_lines
 from .beside_fixed_on_surface import left_by_fixed
-from .carried_lines import carry_lines
+from .carried_lines import carry_lines, rows_of_carried_lines
 from .contact import keeps_apart
 from .cut_by_detail import cut_by_detail
 from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels
@@ -403,7 +403,7 @@ class SurfaceDescent:
         rows = np.flatnonzero(stays)
         self._put(rows, (spots[0][rows], spots[1][rows]))
         source = np.where(stays, source, -1)
-        came = np.flatnonzero((source >= 0) & (self.model.body.kind >= 0))
+        came = rows_of_carried_lines(old, self.model, source)
         if len(came):
             self._lay(came, before.axis.numpy()[source[came]] * (old.unit / self.model.unit))
         carry_lines(old, before, self.model, self.state, source)

@@ -325,6 +325,24 @@ def test_an_edit_leaves_lines_as_long_and_as_bent_as_they_were():
         np.testing.assert_allclose(after.bends[j], before.bends[i], atol=1e-4)
 
 
+def test_dots_that_an_edit_makes_lines_have_a_length():
+    """They kept the axis that they had as dots, and were without extent for good."""
+    surface = ball()
+
+    def problem(line):
+        return esh.Problem(surface, [esh.BodyClass("a", [esh.Size("s", 0.002, 60, line=line)])])
+
+    with esh.Solver(problem(None), device="cpu") as solver:
+        solver.run(20)
+        before = solver.placement()
+        solver.edit(problem(esh.Line(0.3, "none")))
+        after = solver.placement()
+        assert set(after.id) == set(before.id)
+        assert after.length.min() > 0.25 and after.length.max() < 0.6
+        solver.edit(problem(None))
+        assert not solver.placement().length.any()
+
+
 def test_lines_far_apart_are_as_long_as_asked_after_an_edit():
     """What holds against their own charges was forgotten: they came to be twice as long."""
     ball = trimesh.creation.icosphere(subdivisions=2)
