@@ -87,7 +87,9 @@ class Tree:
     def begin(self) -> None:
         """Make the inputs known to the nodes."""
         node = self.add("NodeGroupInput")
-        self.inputs = {socket.name: socket for socket in node.outputs if socket.name}
+        # The node cuts long names; the group has them whole.
+        names = {one.identifier: one.name for one in self.group.interface.items_tree if one.item_type == "SOCKET"}
+        self.inputs = {names[one.identifier]: one for one in node.outputs if one.identifier in names}
 
     def part(
         self, name: str, build: Callable[[Tree], Sequence[Socket]], *, own: bool = False, **values: Any

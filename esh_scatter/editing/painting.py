@@ -10,6 +10,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ...engine.errors import ProblemError
+from ..properties.names import KEPT
 from ..targets.evaluated_mesh import vertices_in_world
 from ..targets.mesh_attributes import read_attribute
 from ..targets.modes import to_object_mode
@@ -83,7 +84,9 @@ def _paint_colors(context: bpy.types.Context, target: bpy.types.Object, layer: A
     mesh = target.data
     is_new = layer.attribute not in mesh.color_attributes
     if is_new:
-        made = mesh.color_attributes.new(name=layer.attribute or name, type="FLOAT_COLOR", domain="POINT")
+        # Blender makes no attribute of a name that it would have to cut.
+        kept = (layer.attribute or name).encode()[:KEPT].decode(errors="ignore")
+        made = mesh.color_attributes.new(name=kept, type="FLOAT_COLOR", domain="POINT")
         # Black: nothing stands there before something is painted.
         made.data.foreach_set("color", np.tile(np.array([0.0, 0.0, 0.0, 1.0], np.float32), len(mesh.vertices)))
         layer.attribute = made.name

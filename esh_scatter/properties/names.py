@@ -10,6 +10,7 @@ from bpy.types import Object, PropertyGroup
 from ..classes.name_lists import joined_names
 
 __all__ = [
+    "KEPT",
     "NEW_CLASS",
     "class_of",
     "class_renamed",

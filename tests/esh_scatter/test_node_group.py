@@ -7,8 +7,17 @@ bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter.classes.node_tree import parts_of, remove_group  # noqa: E402
 from esh.esh_scatter.result.attributes import INSTANCE_INDEX, ROTATION, SCALE  # noqa: E402
+from esh.esh_scatter.result.display import set_inputs  # noqa: E402
 from esh.esh_scatter.result.node_group import build_node_group  # noqa: E402
-from esh.esh_scatter.result.node_group_contents import Finer, Followed, Rest, followed_in, made_of, placed_objects  # noqa: E402
+from esh.esh_scatter.result.node_group_contents import (  # noqa: E402
+    Finer,
+    Followed,
+    Rest,
+    followed_in,
+    made_of,
+    placed_objects,
+    show_input,
+)
 from esh.esh_scatter.targets.target import RESULT_TAG  # noqa: E402
 from mathutils import Matrix, Quaternion  # noqa: E402
 
@@ -84,6 +93,20 @@ def test_a_point_whose_index_has_no_source_stays_empty():
     item = point_object([0, 7, -1], [(1, 0, 0, 0)] * 3, [(1, 1, 1)] * 3)
     item.modifiers.new("Scatter", "NODES").node_group = build_node_group("Group", [source("Tree")])
     assert set(instances(item)) == {0}
+
+
+def test_classes_whose_names_are_longer_than_nodes_keep_are_shown_and_hidden_each_by_itself():
+    """Of names of models that are bought, only the ends differ."""
+    item = point_object([0, 1], [(1, 0, 0, 0)] * 2, [(1, 1, 1)] * 2)
+    of_class = item.data.attributes.new("class_index", "INT", "POINT")
+    of_class.data.foreach_set("value", np.array([0, 1], np.int32))
+    classes = ["Meadow Grass Tall Variation LOD0 High Quality Atlas Plant 0001", "Сосна обыкновенная, высокая, 20 лет"]
+    classes += [name[:-1] + "2" for name in classes]
+    modifier = item.modifiers.new("Scatter", "NODES")
+    modifier.node_group = build_node_group("Group", [source("Grass"), source("Pine")], classes)
+    assert set(instances(item)) == {0, 1}
+    set_inputs(modifier, {show_input(classes[0]): False, show_input(classes[3]): False})
+    assert set(instances(item)) == {1}
 
 
 def test_the_group_is_marked_as_ours_whatever_its_name_and_no_entry_of_add_modifier():

@@ -66,6 +66,15 @@ def test_a_color_attribute_is_made_black_and_its_colors_are_painted(scatter):
     assert bpy.ops.esh.layer_paint(kind="SELECTED") == {"FINISHED"} and "wet" in scatter.target.data.color_attributes
 
 
+def test_colors_are_painted_for_a_class_whose_name_is_longer_than_an_attribute_keeps(scatter):
+    scatter.active_class.name = "Сосна обыкновенная, высокая, 20 лет, у реки"
+    assert bpy.ops.esh.layer_paint(kind="ATTRIBUTE") == {"FINISHED"}
+    layer = scatter.active_class.active_layer
+    assert layer.attribute in scatter.target.data.color_attributes and scatter.active_class.name.startswith(
+        layer.attribute
+    )
+
+
 def test_an_image_is_made_black_and_lies_as_seen_from_above(scatter):
     assert bpy.ops.esh.layer_paint(kind="IMAGE", resolution=64) == {"FINISHED"}
     layer, mesh = scatter.active_class.active_layer, scatter.target.data
