@@ -10,6 +10,7 @@ from .editing import dropped_presets, forecast, painting
 from .operators import exchange as exchange_operators
 from .operators import keys
 from .properties import body_class, layer, obstacle, placed, scatter, scene, size
+from .properties.in_english import keep_in_english
 from .sidebar import asset_shelf, density_preview, export_notes, lists, menus, panels
 from .solving import live, loading, running
 
@@ -38,6 +39,7 @@ def register() -> None:
     """Make the sidebar, its operators and the scene's settings known to Blender."""
     for module in _MODULES:
         for cls in module.CLASSES:
+            keep_in_english(cls)
             bpy.utils.register_class(cls)
     scene.attach()
     versions.attach()

@@ -113,7 +113,7 @@ def _scatter() -> None:
 
 def _say(text: str, title: str = "The Preset Cannot Be Used", icon: str = "ERROR") -> None:
     def draw(popup: bpy.types.UIPopupMenu, _context: bpy.types.Context) -> None:
-        popup.layout.label(text=text)
+        popup.layout.label(text=text, translate=False)
 
     if not bpy.app.background:
         bpy.context.window_manager.popup_menu(draw, title=title, icon=icon)

@@ -155,9 +155,9 @@ class ESH_OT_class_copy(ClassEdit):
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw the dialog."""
-        self.layout.label(text="Settings")
+        self.layout.label(text="Settings", translate=False)
         self.layout.column(align=True).prop(self, "what", expand=True)
-        self.layout.label(text="To")
+        self.layout.label(text="To", translate=False)
         self.layout.column(align=True).prop(self, "classes", expand=True)
 
     def execute(self, context: bpy.types.Context) -> set[str]:

@@ -73,7 +73,9 @@ class ESH_OT_export(bpy.types.Operator, ExportHelper):
         layout.prop(self, "format")
         item = _result_in(context)
         if item is not None:
-            layout.label(text=f"{item.name}: {len(item.data.vertices):,} instances", icon="POINTCLOUD_DATA")
+            layout.label(
+                text=f"{item.name}: {len(item.data.vertices):,} instances", icon="POINTCLOUD_DATA", translate=False
+            )
 
     def check(self, context: bpy.types.Context) -> bool:
         """Keep the ending of the name that of the format, and the format that of an ending that was typed."""

@@ -166,7 +166,7 @@ class RunOperator(bpy.types.Operator):
         """Ask whether to run all the same; whoever says yes presses a button that does not ask."""
 
         def draw(popup: bpy.types.UIPopupMenu, _context: bpy.types.Context) -> None:
-            popup.layout.label(text=text)
+            popup.layout.label(text=text, translate=False)
             popup.layout.operator_context = "INVOKE_DEFAULT"
             popup.layout.operator(self.bl_idname, text="Scatter", icon="PLAY").asked = True
 

@@ -199,7 +199,7 @@ def _draw_variants(column: bpy.types.UILayout, size: bpy.types.PropertyGroup) ->
     members = members_of(size.source)
     if len(members) < 2:
         return
-    column.label(text="How Often Each Is Placed")
+    column.label(text="How Often Each Is Placed", translate=False)
     rows = column.column(align=True)
     for entry in size.variants:
         if entry.item in members:

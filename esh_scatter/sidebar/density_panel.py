@@ -22,10 +22,10 @@ def draw_density(context: bpy.types.Context, column: bpy.types.UILayout, scatter
     top.use_property_split = False
     top.prop(bpy.context.window_manager, "esh_scatter_show_density", toggle=True, icon="HIDE_OFF")
     if not len(layers):
-        column.label(text="Even, the same everywhere")
+        column.label(text="Even, the same everywhere", translate=False)
         row = column.row(align=True)
-        row.menu("ESH_MT_layer_add", text="Add Layer", icon="ADD")
-        row.menu("ESH_MT_layer_paint", text="Paint", icon="BRUSH_DATA")
+        row.menu("ESH_MT_layer_add", text="Add Layer", icon="ADD", translate=False)
+        row.menu("ESH_MT_layer_paint", text="Paint", icon="BRUSH_DATA", translate=False)
         return []
     row = column.row()
     row.template_list(
@@ -64,7 +64,7 @@ def _draw_layer(
 ) -> None:
     target = scatter.first_target if scatter.first_target and scatter.first_target.type == "MESH" else None
     if several:
-        column.prop(layer, "name", placeholder=layer.label)
+        column.prop(layer, "name", text="Name", placeholder=layer.label, translate=False)
     draw_property(context, column, layer, "kind")
     _draw_source(context, column, scatter, layer, target)
     for shown in shown_settings(layer.told.settings, layer.told.by_hand, layer.told.prefix):
@@ -93,7 +93,7 @@ def _draw_source(
         draw_image(context, column, layer, "image")
     elif kind in ("VERTEX_GROUP", "ATTRIBUTE"):
         if target is None:
-            column.label(text="Choose a target first", icon="ERROR")
+            column.label(text="Choose a target first", icon="ERROR", translate=False)
         elif kind == "VERTEX_GROUP":
             column.prop_search(layer, "vertex_group", target, "vertex_groups", icon="GROUP_VERTEX")
         else:
@@ -116,6 +116,6 @@ def _draw_source(
         if kind == "IMAGE" and paint.mode == "IMAGE" and paint.canvas != layer.image:
             # Another layer's is painted, or none: undo and redo take away what strokes go to.
             column.operator("esh.layer_paint", text="Paint This Image", icon="BRUSH_DATA").kind = "SELECTED"
-        column.operator("object.mode_set", text="Done", icon="CHECKMARK").mode = "OBJECT"
+        column.operator("object.mode_set", text="Done", icon="CHECKMARK", translate=False).mode = "OBJECT"
     elif can_be_painted(layer, target):
         column.operator("esh.layer_paint", text="Paint", icon="BRUSH_DATA").kind = "SELECTED"

@@ -18,6 +18,7 @@ from ...engine.problem.morton_order import morton_order
 from ...engine.problem.scatter_settings import TargetSettings
 from ..densities.density_stack import ClassDensity, DensityLayer, DensityStack
 from ..properties.described import values_from
+from ..properties.in_english import CONTEXT
 from ..result.local_views import shows_any
 from ..result.refused import as_sentence
 from ..solving import running
@@ -268,6 +269,7 @@ def attach() -> None:
         description="Show the density of the selected class as colors on the target: dark means none, yellow means many",
         default=False,
         options={"SKIP_SAVE"},
+        translation_context=CONTEXT,
         update=_switched,
     )
 

@@ -46,7 +46,7 @@ class ESH_UL_classes(bpy.types.UIList):
         if width_of(context) > WIDE:
             source = text.row(align=True)
             source.active = False
-            source.label(text=_sources(item))
+            source.label(text=_sources(item), translate=False)
         count = text.row(align=True)
         count.alignment = "RIGHT"
         if not item.mute and data.obstacle_of(item):
@@ -55,7 +55,7 @@ class ESH_UL_classes(bpy.types.UIList):
             amount = item.amount
             # As wide as it is, so that the name has the rest.
             count.ui_units_x = units_of(context, amount)
-            count.label(text=amount)
+            count.label(text=amount, translate=False)
         switches = row.row(align=True)
         icon = "CHECKBOX_DEHLT" if item.mute else "CHECKBOX_HLT"
         switches.prop(item, "mute", text="", icon=icon, emboss=False, invert_checkbox=True)
@@ -81,7 +81,7 @@ def _draw_name(
     if width_of(context) > WIDE or item == scatter.active_class or not _looks_alike(context, scatter, item, room):
         layout.prop(item, "name", text="", emboss=False)
     else:
-        layout.label(text=cut_in_middle(context, item.name, room))
+        layout.label(text=cut_in_middle(context, item.name, room), translate=False)
 
 
 def _looks_alike(context: bpy.types.Context, scatter: ESH_PG_scatter, item: ESH_PG_class, room: float) -> bool:
@@ -123,10 +123,10 @@ class ESH_UL_sizes(bpy.types.UIList):
         row = split.row(align=True)
         # What is placed is named below the list, too.
         text = "" if narrow else source.name if source else "none yet"
-        row.label(text=text, icon=icon if source else "ERROR")
+        row.label(text=text, icon=icon if source else "ERROR", translate=False)
         count = row.row()
         count.alignment = "RIGHT"
-        count.label(text=f"{item.count:,}" if data.count_kind == "SIZES" else f"share {item.share:g}")
+        count.label(text=f"{item.count:,}" if data.count_kind == "SIZES" else f"share {item.share:g}", translate=False)
 
 
 # How a layer acts on those above it.
@@ -155,11 +155,11 @@ class ESH_UL_layers(bpy.types.UIList):
         text.active = item.use
         text.label(text="", icon=item.told.icon)
         # A placeholder would be too pale on a selected row.
-        text.label(text=item.label)
+        text.label(text=item.label, translate=False)
         acts = row.row(align=True)
         acts.active = item.use
         if index or item.blend == "SUBTRACT":
-            acts.label(text=_SIGNS[item.blend])
+            acts.label(text=_SIGNS[item.blend], translate=False)
         if is_narrow(context):
             return
         strength = acts.row(align=True)
@@ -187,7 +187,11 @@ class ESH_UL_obstacles(bpy.types.UIList):
         text.active = item.use
         source = item.item if item.kind == "OBJECT" else item.collection
         icon = "OUTLINER_COLLECTION" if item.kind == "COLLECTION" else "OBJECT_DATA"
-        text.label(text=source.name if source else "nothing yet", icon=icon if source and not item.deleted else "ERROR")
+        text.label(
+            text=source.name if source else "nothing yet",
+            icon=icon if source and not item.deleted else "ERROR",
+            translate=False,
+        )
         row.prop(item, "use", text="")
 
 

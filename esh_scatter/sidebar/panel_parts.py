@@ -126,7 +126,7 @@ def write_header(context: bpy.types.Context, header: bpy.types.UILayout, text: s
     room = width_of(context) - MARGINS - ICON
     if text_width(context, text) + AROUND > room:
         header.ui_units_x = room / UNIT
-    header.label(text=text)
+    header.label(text=text, translate=False)
 
 
 def draw_property(
@@ -167,7 +167,7 @@ def draw_image(
     row.template_ID(group, name, new="image.new", open="image.open")
     image = getattr(group, name)
     if image is not None and text_width(context, image.name) > width_of(context) - MARGINS - IMAGE_BUTTONS:
-        column.label(text=image.name)
+        column.label(text=image.name, translate=False)
 
 
 def draw_settings(
@@ -234,7 +234,7 @@ def write_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: str
     room = width_of(context) - MARGINS - (ICON if icon != "NONE" else 0)
     column = layout.column(align=True)
     for number, line in enumerate(_wrapped(context, text, room)):
-        column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))
+        column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"), translate=False)
 
 
 def _wrapped(context: bpy.types.Context, text: str, room: float) -> list[str]:

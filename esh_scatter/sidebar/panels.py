@@ -118,7 +118,7 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
             return
         if is_painted(context, scatter):
             # The layer has that button, too, but often below the lower edge of the window.
-            layout.operator("object.mode_set", text="Done Painting", icon="CHECKMARK").mode = "OBJECT"
+            layout.operator("object.mode_set", text="Done Painting", icon="CHECKMARK", translate=False).mode = "OBJECT"
         with asked_once():
             _draw_status(context, layout.column(align=True), scatter)
         if result is not None and real_objects.real_objects_of(result) is not None:
@@ -149,7 +149,7 @@ class ESH_PT_surface(SubPanel, bpy.types.Panel):
         draw_settings(context, column, scatter, TargetSettings, ("surface", *FACES))
         if target is None:
             return
-        column.label(text="Only on Faces of")
+        column.label(text="Only on Faces of", translate=False)
         for name, (of_mesh, where, text, icon) in FACES.items():
             column.prop_search(scatter, name, target.data if of_mesh else target, where, text=text, icon=icon)
 
@@ -336,7 +336,7 @@ def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> N
     column.separator()
     write_text(context, column, "Or step by step, on the active mesh:")
     column.operator("esh.scatter_add", text="New Scatter", icon="ADD")
-    column.menu("ESH_MT_presets", text="From a Preset", icon="PRESET")
+    column.menu("ESH_MT_presets", text="From a Preset", icon="PRESET", translate=False)
     draw_pictures(column, PICTURE_SCALE)
     column.separator()
     write_text(context, column, "Or look at one first:")
@@ -519,7 +519,7 @@ def _draw_progress(layout: bpy.types.UILayout) -> None:
     assert session is not None
     row = layout.row()
     row.scale_y = 1.8
-    row.progress(factor=session.factor, text=session.text)
+    row.progress(factor=session.factor, text=session.text, translate=False)
     buttons = layout.row(align=True)
     buttons.operator("esh.keep", text="Keep", icon="CHECKMARK")
     buttons.operator("esh.stop", text="Stop", icon="CANCEL")
@@ -530,7 +530,7 @@ def _draw_inputs(column: bpy.types.UILayout, modifier: bpy.types.Modifier, names
     for name in names:
         found = input_property(modifier, name)
         if found is not None:
-            column.prop(*found, text=name)
+            column.prop(*found, text=name, translate=False)
 
 
 # In the order that they are drawn in; parents come before what is in them.

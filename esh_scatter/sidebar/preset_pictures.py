@@ -9,6 +9,7 @@ import bpy.utils.previews
 from bpy.props import EnumProperty
 
 from ..editing.preset_files import built_in_presets
+from ..properties.in_english import CONTEXT
 
 __all__ = ["attach", "detach", "draw_pictures", "picture_of"]
 
@@ -64,6 +65,7 @@ def attach() -> None:
         description="Add a scatter with the settings of a preset on the active mesh. Click the picture to see all presets",
         items=_presets,
         options={"SKIP_SAVE"},
+        translation_context=CONTEXT,
         update=_chosen,
     )
 

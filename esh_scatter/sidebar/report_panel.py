@@ -70,13 +70,13 @@ def _draw_counts(layout: bpy.types.UILayout, report: dict[str, Any], names: list
     column = layout.column(align=True)
     for name, count, spread in rows:
         split = column.split(factor=0.42)
-        split.label(text=name)
+        split.label(text=name, translate=False)
         row = split.row()
         cell = row.row()
         cell.alignment = "RIGHT"
-        cell.label(text=count)
+        cell.label(text=count, translate=False)
         if any(other for _, _, other in rows):
-            row.label(text=spread)
+            row.label(text=spread, translate=False)
 
 
 def _draw_fact(layout: bpy.types.UILayout, label: str, value: str, icon: str = "NONE") -> None:
@@ -85,8 +85,8 @@ def _draw_fact(layout: bpy.types.UILayout, label: str, value: str, icon: str = "
     name = split.row()
     name.alignment = "RIGHT"
     name.active = False
-    name.label(text=label)
-    split.label(text=value, icon=icon)
+    name.label(text=label, translate=False)
+    split.label(text=value, icon=icon, translate=False)
 
 
 CLASSES = (ESH_PT_report,)

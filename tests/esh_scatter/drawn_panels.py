@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import bpy
+from esh.esh_scatter.properties.in_english import CONTEXT
 from esh.esh_scatter.sidebar import panel_parts, panels
 
 __all__ = ["Layout", "draw_all", "shown_context"]
@@ -34,13 +35,17 @@ class Layout:
     def separator(self, **_options):
         pass
 
-    def label(self, *, text="", icon="NONE"):
+    def label(self, *, text="", icon="NONE", translate=True):
         self._check_icon(icon)
+        assert not (text and translate), f"Blender would translate {text}"
         self.drawn.append(text)
 
-    def prop(self, data, name, *, text=None, icon="NONE", **_options):
+    def prop(self, data, name, *, text=None, icon="NONE", translate=True, **_options):
         # Up to Blender 5.1, a modifier's inputs are custom properties.
         assert name in data.bl_rna.properties or name[2:-2] in data.keys(), name  # noqa: SIM118
+        told = data.bl_rna.properties.get(name)
+        in_english = told is not None and told.translation_context == CONTEXT
+        assert text == "" or in_english or not translate, f"Blender would translate the name of {name}"
         self._check_icon(icon)
         self.drawn.append(text if name.startswith('["') else name)
 
@@ -70,22 +75,24 @@ class Layout:
             row = getattr(bpy.types, list_class).draw_item
             row(None, shown_context(Layout.width), self, data, item, 0, index_data, index, number)
 
-    def menu(self, identifier, *, text="", icon="NONE"):
+    def menu(self, identifier, *, text="", icon="NONE", translate=True):
         self._check_icon(icon)
+        assert not (text and translate), f"Blender would translate {text}"
         menu = getattr(bpy.types, identifier)
         menu.draw(SimpleNamespace(layout=self), shown_context())
 
-    def operator(self, identifier, *, text="", icon="NONE", icon_value=0, **_options):
+    def operator(self, identifier, *, text="", icon="NONE", icon_value=0, translate=True, **_options):
         group, name = identifier.split(".")
-        getattr(getattr(bpy.ops, group), name).get_rna_type()
+        told = getattr(getattr(bpy.ops, group), name).get_rna_type()
+        assert told.translation_context == CONTEXT or not translate, f"Blender would translate {identifier}"
         self._check_icon(icon)
         if icon_value:
             self.drawn.append(f"icon {icon_value}")
         self.drawn.append(identifier)
         return SimpleNamespace()
 
-    def progress(self, *, factor, text):
-        assert 0.0 <= factor <= 1.0
+    def progress(self, *, factor, text, translate):
+        assert 0.0 <= factor <= 1.0 and not translate
         self.drawn.append(text)
 
     @staticmethod

@@ -11,6 +11,7 @@ from esh.esh_scatter import operators, registration  # noqa: E402
 from esh.esh_scatter.operators import classes, classes_from, keys, layers, overlaps, presets, run, scatters, sizes  # noqa: E402
 from esh.esh_scatter.operators import exchange as exchange_operators  # noqa: E402
 from esh.esh_scatter.properties import body_class, layer, scatter, scene, size  # noqa: E402
+from esh.esh_scatter.properties.in_english import CONTEXT  # noqa: E402
 from esh.esh_scatter.sidebar import asset_shelf, class_panels, lists, menus, panels, report_panel  # noqa: E402
 
 PROPERTIES = (size, layer, body_class, scatter, scene)
@@ -67,6 +68,24 @@ def test_unregistering_removes_everything_however_often_it_is_done():
         registration.unregister()
         assert everything_registered() == set()
         registration.unregister()  # on leaving, Python and Blender both ask for it
+
+
+def test_names_and_tooltips_stay_as_they_are_written_whatever_language_blender_speaks():
+    """German made "Punkt" of "Pin" and "Meldung" of "Report", and left half of the panel in English."""
+    types = bpy.types
+    kinds = (types.PropertyGroup, types.Operator, types.Panel, types.Menu, types.UIList, types.AssetShelf)
+    inherited = {prop.identifier for kind in kinds for prop in kind.bl_rna.properties}
+    registration.register()
+    try:
+        classes = [cls for module in registration._MODULES for cls in module.CLASSES]
+        drawn = [cls for cls in classes if issubclass(cls, types.Operator | types.Panel | types.Menu)]
+        assert {cls.bl_translation_context for cls in drawn} == {CONTEXT}
+        own = [prop for cls in classes for prop in cls.bl_rna.properties if prop.identifier not in inherited]
+        own += [prop for prop in types.WindowManager.bl_rna.properties if prop.identifier.startswith("esh_scatter")]
+        assert len(own) > 100
+        assert not [prop.identifier for prop in own if prop.translation_context != CONTEXT]
+    finally:
+        registration.unregister()
 
 
 def test_every_class_is_listed_once_and_named_as_blender_wants():
