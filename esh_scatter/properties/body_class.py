@@ -27,9 +27,9 @@ from ..classes.amount import Amount
 from ..classes.name_lists import names_in
 from ..result.scene_units import area_unit, in_scene_units
 from ..targets.target import DOMAINS, VECTOR
-from .deleted import deleted_name
 from .described import property_of, values_from, with_properties
 from .entries import entry_at
+from .gone import gone
 from .layer import ESH_PG_layer
 from .names import class_renamed, scatter_of, unused_name
 from .shown_at_once import paint_class_anew, show_class_anew, stand_class_anew
@@ -330,8 +330,8 @@ class ESH_PG_class(PropertyGroup):
             return f'Class "{self.name}": choose its flow image'
         if missing := self._direction_obstacle():
             return f'Class "{self.name}": {missing}'
-        if deleted := self._deleted_look():
-            return f'Class "{self.name}": "{deleted}" was deleted; choose another object to look at'
+        if text := self._gone_look():
+            return f'Class "{self.name}": {text}; choose another object to look at'
         if not self.sizes:
             return f'Class "{self.name}": add a size'
         for size in self.sizes:
@@ -344,21 +344,21 @@ class ESH_PG_class(PropertyGroup):
         """Return what lacks of the curve or attribute that it lies along, as the end of a sentence."""
         if self.direction_kind == "CURVE" and self.direction_object is None:
             return "choose the curve that it lies along"
-        if self.direction_kind == "CURVE" and (deleted := deleted_name(self.direction_object)):
-            return f'"{deleted}" was deleted; choose another curve to lie along'
+        if self.direction_kind == "CURVE" and (text := gone(self.direction_object)):
+            return f"{text}; choose another curve to lie along"
         if self.direction_kind == "ATTRIBUTE" and not self.direction_attribute:
             return "choose the attribute that it lies along"
         return ""
 
     @property
-    def deleted(self) -> bool:
-        """Whether anything was deleted that it places, follows, lies along or looks at."""
-        along = deleted_name(self.direction_object) if self.direction_kind == "CURVE" else ""
-        layers = (layer.deleted(self.id_data) for layer in self.layers if layer.use)
-        return any(size.deleted for size in self.sizes) or any(layers) or bool(along or self._deleted_look())
+    def gone(self) -> str:
+        """What has become of what it places, follows, lies along or looks at, as the beginning of a sentence; empty where all is."""
+        along = gone(self.direction_object) if self.direction_kind == "CURVE" else ""
+        layers = (layer.gone(self.id_data) for layer in self.layers if layer.use)
+        return next(filter(None, (*(size.gone for size in self.sizes), *layers, along, self._gone_look())), "")
 
-    def _deleted_look(self) -> str:
-        return deleted_name(self.look_at_object) if self.use_look_at else ""
+    def _gone_look(self) -> str:
+        return gone(self.look_at_object) if self.use_look_at else ""
 
     def as_argument(self) -> "ScatterClass":
         """Return this class as :func:`~esh.scatter` takes it."""

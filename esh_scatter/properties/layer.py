@@ -25,8 +25,8 @@ from ..densities.kinds import (
     VertexGroupDensity,
 )
 from ..targets.target import NUMBERS
-from .deleted import deleted_name
 from .described import shown_settings, values_from, with_properties
+from .gone import gone
 from .names import scatter_of
 
 if TYPE_CHECKING:
@@ -267,8 +267,8 @@ class ESH_PG_layer(PropertyGroup):
             near = "to be near" if kind == "DISTANCE" else "to be inside"
             if self.source is None:
                 return f"choose {what} {near}"
-            if deleted := self.deleted(scene):
-                return f'"{deleted}" was deleted; choose another object {near}'
+            if text := self.gone(scene):
+                return f"{text}; choose another object {near}"
             if self.source_kind == "COLLECTION" and not self.source.all_objects:
                 return f'collection "{self.source.name}" is empty; add objects to it'
         if kind == "CLASS":
@@ -280,15 +280,15 @@ class ESH_PG_layer(PropertyGroup):
         if kind == "CAMERA":
             if self.camera is None and scene.camera is None:
                 return "choose a camera, or give the scene one"
-            if deleted := self.deleted(scene):
-                return f'"{deleted}" was deleted; choose another camera'
+            if text := self.gone(scene):
+                return f"{text}; choose another camera"
         return None
 
-    def deleted(self, scene: bpy.types.Scene) -> str:
-        """Return the name of what was deleted of what it follows, or an empty text."""
+    def gone(self, scene: bpy.types.Scene) -> str:
+        """Say what has become of what it follows, as the beginning of a sentence; an empty text where that is there."""
         if self.kind == "CAMERA":
-            return deleted_name(self.camera or scene.camera)
-        return deleted_name(self.source) if self.kind in ("DISTANCE", "INSIDE") else ""
+            return gone(self.camera or scene.camera)
+        return gone(self.source) if self.kind in ("DISTANCE", "INSIDE") else ""
 
     def _image_obstacle(self, target: bpy.types.Object) -> str | None:
         from ..densities.image_pixels import only_shown

@@ -11,8 +11,8 @@ from bpy.types import PropertyGroup
 from ...engine.problem.settings import settings_of
 from ..solving.obstacles import FreePlace, ScatterObstacle
 from ..targets.evaluated_mesh import evaluated_mesh
-from .deleted import deleted_name
 from .described import property_of
+from .gone import gone
 from .names import scatter_of
 
 __all__ = ["CLASSES", "ESH_PG_free_place", "ESH_PG_obstacle"]
@@ -90,12 +90,12 @@ class ESH_PG_obstacle(PropertyGroup):
     @property
     def ready(self) -> bool:
         """Whether it is switched on and there is something to keep off."""
-        return self.use and self.source is not None and not self.deleted
+        return self.use and self.source is not None and not self.gone
 
     @property
-    def deleted(self) -> str:
-        """Name of what was deleted of what it is, or an empty text: it is kept off no longer."""
-        return deleted_name(self.source)
+    def gone(self) -> str:
+        """What has become of what it is, as the beginning of a sentence, where that is kept off no longer; or an empty text."""
+        return gone(self.source)
 
     @property
     def has_lines(self) -> bool:

@@ -337,11 +337,11 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         """Return why classes that are not muted, obstacles and targets of a collection do not count, one sentence for each."""
         with asked_once():
             why = [(c.name, self.obstacle_of(c)) for c in self.classes if not c.mute]
-        gone = [one.deleted for one in self.obstacles if one.use and one.deleted]
+        gone = [(one.source.name, one.gone.rpartition('" ')[2]) for one in self.obstacles if one.use and one.gone]
         bare = self.bare_targets() if self.target_kind == "COLLECTION" else []
         return [
             *(f"{name} is left out: {text.partition(': ')[2]}" for name, text in why if text),
-            *(f"{name} is left out: it was deleted; choose another object to avoid" for name in gone),
+            *(f"{name} is left out: it {text}; choose something else to avoid" for name, text in gone),
             *(f'"{item.name}" is left out: it has no faces to stand on' for item in bare),
         ]
 

@@ -14,6 +14,7 @@ from ...engine.problem.size import Size
 from ..targets.in_scenes import in_a_scene
 from ..targets.target import FAMILY_OF, is_result, members_of
 from .described import property_of, values_from
+from .gone import not_found
 from .names import class_of, keep_name_unused, name_class_after
 from .shown_at_once import choose_variants_anew, place_others
 
@@ -215,7 +216,13 @@ class ESH_PG_size(PropertyGroup):
         return items, [weights.get(item, 1.0) for item in items]
 
     @property
-    def deleted(self) -> str:
+    def gone(self) -> str:
+        """What has become of what is placed, as the beginning of a sentence, where it is not there any more; or an empty text."""
+        deleted = self._deleted
+        return f'"{deleted}" was deleted' if deleted else not_found(self.source)
+
+    @property
+    def _deleted(self) -> str:
         """Name of what was deleted from its scene of what is placed, or an empty text; while it is chosen, it stays in the file."""
         item = self.source_object
         if self.source_kind == "OBJECT":
@@ -230,8 +237,8 @@ class ESH_PG_size(PropertyGroup):
         """Return what keeps this size from being scattered on ``target``, or None."""
         if self.source is None:
             return f"choose {'an object' if self.source_kind == 'OBJECT' else 'a collection'} to place"
-        if deleted := self.deleted:
-            return f'"{deleted}" was deleted; choose another object to place'
+        if text := self.gone:
+            return f"{text}; choose something else to place"
         if self.source_kind != "OBJECT" and not self.source.all_objects:
             return f'collection "{self.source.name}" is empty; add objects to place'
         if self.area_kind == "RANGE" and self.area_largest < self.area:

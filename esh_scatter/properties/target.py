@@ -7,6 +7,7 @@ import bpy
 from bpy.props import EnumProperty, PointerProperty
 
 from ..targets.in_scenes import is_in
+from .gone import not_found
 
 __all__ = ["WithTarget"]
 
@@ -87,6 +88,8 @@ class WithTarget:
             return self._faces_obstacle()
         if self.target is None:
             return "Choose a target: the mesh to scatter on"
+        if text := not_found(self.target):
+            return f"{text}; choose another target"
         if self.target.type != "MESH":
             return f'"{self.target.name}" is not a mesh; choose a mesh as the target'
         if not is_in(scene, self.target):

@@ -170,7 +170,7 @@ class ESH_PT_overlap(_ClassSubPanel, bpy.types.Panel):
 def _draw_source(context: bpy.types.Context, column: bpy.types.UILayout, size: bpy.types.PropertyGroup) -> None:
     draw_property(context, column, size, "source_kind")
     source = column.row(align=True)
-    source.alert = size.source is None or bool(size.deleted)
+    source.alert = size.source is None or bool(size.gone)
     name = "source_object" if size.source_kind == "OBJECT" else "source_collection"
     source.prop(size, name, **text_of_field(context, size.source))
     beside = source.row(align=True)

@@ -101,7 +101,7 @@ def _draw_source(
     elif kind in ("DISTANCE", "INSIDE"):
         column.prop(layer, "source_kind")
         row = column.row()
-        row.alert = layer.source is None or bool(layer.deleted(context.scene))
+        row.alert = layer.source is None or bool(layer.gone(context.scene))
         row.prop(layer, "source_object" if layer.source_kind == "OBJECT" else "source_collection")
     elif kind == "CLASS":
         row = column.row()
@@ -109,7 +109,7 @@ def _draw_source(
         row.prop(layer, "class_name", icon="POINTCLOUD_DATA")
     elif kind == "CAMERA":
         row = column.row()
-        row.alert = bool(layer.deleted(context.scene))
+        row.alert = bool(layer.gone(context.scene))
         row.prop(layer, "camera")
     if kind in PAINTED_IN and context.mode == PAINTED_IN[kind]:
         paint = scatter.id_data.tool_settings.image_paint

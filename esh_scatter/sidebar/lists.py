@@ -189,7 +189,7 @@ class ESH_UL_obstacles(bpy.types.UIList):
         icon = "OUTLINER_COLLECTION" if item.kind == "COLLECTION" else "OBJECT_DATA"
         text.label(
             text=source.name if source else "nothing yet",
-            icon=icon if source and not item.deleted else "ERROR",
+            icon=icon if source and not item.gone else "ERROR",
             translate=False,
         )
         row.prop(item, "use", text="")

@@ -213,7 +213,7 @@ class ESH_PT_obstacles(SubPanel, bpy.types.Panel):
             column.separator()
             column.prop(chosen, "kind")
             row = column.row()
-            row.alert = bool(chosen.deleted)
+            row.alert = bool(chosen.gone)
             row.prop(chosen, "item" if chosen.kind == "OBJECT" else "collection")
             if chosen.has_lines:
                 column.prop(chosen, "width")

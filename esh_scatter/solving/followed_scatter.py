@@ -223,8 +223,7 @@ class FollowedScatter:
                 names = [c.name for c in scatter.classes if c.uid == entry.uid]
                 if names:
                     return f"an object of {names[0]} was deleted"
-        deleted = [c.name for c in scatter.classes if not c.mute and c.deleted]
-        return f"an object of {deleted[0]} was deleted" if deleted else ""
+        return next(filter(None, (c.gone for c in scatter.classes if not c.mute)), "")
 
     def _time_to_look(self, attentive: bool) -> bool:
         if not attentive and time.monotonic() - self._looked < AT_REST:

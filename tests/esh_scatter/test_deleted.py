@@ -57,7 +57,7 @@ def test_a_deleted_obstacle_is_kept_off_no_longer(scatter):
     delete(rock)
     scatter = active()
     assert scatter.outdated
-    assert scatter.left_out() == ["Rock is left out: it was deleted; choose another object to avoid"]
+    assert scatter.left_out() == ["Rock is left out: it was deleted; choose something else to avoid"]
     assert near(run()[0]) > 0 and not active().outdated
     active().obstacles[0].use = False
     assert not active().left_out()
@@ -120,4 +120,42 @@ def test_live_stops_where_what_a_class_follows_is_deleted(scatter, follow):
     delete(thing)
     follow()
     assert not active().live
-    assert "an object of Pine was deleted" in live.status(bpy.context.scene, active())
+    assert '"Thing" was deleted' in live.status(bpy.context.scene, active())
+
+
+def test_what_is_not_found_in_its_library_is_left_out_with_its_file(scatter, tmp_path):
+    """Blender has an empty in its place, which was told of as edited, and refused for its type."""
+    path = tmp_path / "props.blend"
+    barrel, crate, wall = (cube(name, 0.2, (50.0, 0.0, 0.0)) for name in ("Barrel", "Crate", "Wall"))
+    crates = bpy.data.collections.new("Crates")
+    crates.objects.link(crate)
+    bpy.data.libraries.write(str(path), {barrel, crates, wall})
+    for item in (barrel, crate, wall):
+        bpy.data.objects.remove(item)
+    bpy.data.collections.remove(crates)
+    with bpy.data.libraries.load(str(path), link=True) as (_, wanted):
+        wanted.objects, wanted.collections = ["Barrel", "Wall"], ["Crates"]
+    for item in wanted.objects:
+        bpy.context.scene.collection.objects.link(item)
+    scatter.classes["Beech"].active_size.source_object, wall = wanted.objects
+    scatter.classes["Beech"].name = "Barrel"
+    scatter.add_class().active_size.place(wanted.collections[0])
+    scatter.obstacles.add().item = wall
+    run()
+    assert not active().left_out() and not active().outdated
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "street.blend"))
+    path.rename(tmp_path / "moved.blend")
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "street.blend"))
+    assert active().left_out() == [
+        'Barrel is left out: "Barrel" was not found in props.blend; choose something else to place',
+        'Crates is left out: "Crates" was not found in props.blend; choose something else to place',
+        "Wall is left out: it was not found in props.blend; choose something else to avoid",
+    ]
+    assert active().changes() == ["obstacles", "without Barrel", "without Crates"]
+    assert len(run()[0]) == 80 and not active().outdated
+    active().target = bpy.data.objects["Barrel"]
+    said = '"Barrel" was not found in props.blend; choose another target'
+    assert active().obstacle(bpy.context.scene) == said
+    (tmp_path / "moved.blend").rename(path)
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "street.blend"))
+    assert not active().left_out() and not active().outdated, "it is there again"

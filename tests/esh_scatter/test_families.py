@@ -97,7 +97,7 @@ def test_a_tree_of_which_something_was_deleted_is_not_scattered_in_silence(groun
     assert not scatter.left_out()
     select(bpy.data.objects[gone], active=bpy.data.objects[gone])
     bpy.ops.object.delete()
-    assert scatter.left_out() == [f'Trunk is left out: "{gone}" was deleted; choose another object to place']
+    assert scatter.left_out() == [f'Trunk is left out: "{gone}" was deleted; choose something else to place']
     if gone == "Leaves":
         select(trunk, ground, active=ground)
         bpy.ops.esh.classes_from_selection()
@@ -208,7 +208,7 @@ def test_what_an_empty_shows_is_placed_as_one_as_the_empty_stands(ground):
     assert not scatter.changes(), "where it stands is of no matter"
     select(instance, active=instance)
     bpy.ops.object.delete()
-    assert scatter.left_out() == ['Instance is left out: "Instance" was deleted; choose another object to place']
+    assert scatter.left_out() == ['Instance is left out: "Instance" was deleted; choose something else to place']
 
 
 def test_where_a_tree_stands_is_of_no_matter_but_how_it_stands_is(ground):

@@ -800,7 +800,7 @@ def delete_result():
     [
         (remove_target, "target is no longer"),
         (remove_source, "an object of Pine was deleted"),
-        (delete_source, "an object of Pine was deleted"),
+        (delete_source, '"Pine" was deleted'),
         (delete_result, "result is no longer"),
     ],
 )
