@@ -16,19 +16,26 @@ from . import kernels_close
 
 __all__ = ["close_bodies"]
 
-# Over the width of a square for every body. Where forces have settled, no two of one class are nearer than .9, and no two of two
-# classes than .75.
+# Over the width of a square for every body, of which one with a small charge fills a smaller one. Where forces have settled, no two of
+# one class are nearer than .9, and no two of two classes than .75.
 CLOSE = 0.65
 
 
 def close_bodies(
-    launcher: Launcher, position: np.ndarray, space: Space, mesh: Mesh, spacing: wp.array, factor: float
+    launcher: Launcher,
+    position: np.ndarray,
+    charge: np.ndarray,
+    space: Space,
+    mesh: Mesh,
+    spacing: wp.array,
+    factor: float,
 ) -> np.ndarray:
     """Return which bodies have another one nearer than they should, shape ``[n]``, bool.
 
     Args:
         launcher: Where to run.
         position: Where they are, shape ``[n, 2]``, in a space that ends at its edges.
+        charge: Their charges, shape ``[n]``.
         space: This space, in the same unit.
         mesh: The mesh that spacings are known on.
         spacing: Of bodies at its nodes, over ``factor``.
@@ -47,11 +54,12 @@ def close_bodies(
     at = launcher.array(position.astype(np.float32), wp.vec2)
     cells = CellSort(launcher, n, columns * rows)
     cells.sort(compute_cell_keys, [at, grid])
+    share = launcher.array(np.sqrt(np.minimum(charge / charge.mean(), 1.0)), float)
     close = launcher.empty(n, wp.uint8)
     launcher.launch(
         kernels_close.find_close,
         n,
-        [at, spacing, CLOSE * factor, mesh, cells.order, cells.cell_start, grid],
+        [at, share, spacing, CLOSE * factor, mesh, cells.order, cells.cell_start, grid],
         [close],
         grain=GRAIN_OF_NEIGHBORS,
     )

@@ -89,6 +89,9 @@ class Descent:
         self._space = model.space.for_kernels()
         self.rules = LineRules(model, launcher)
         self.bodies = bodies_for_kernels(model, launcher)
+        if smooth is not None:
+            # Where small charges are blurred less than what attracts them, they are drawn onto a border, and large ones away from it.
+            whole_charge = np.broadcast_to(1.0, model.charge_count)
         self.has_dots = bool((distinct(model.body.kind) < 0).any())
         self.at_once = 1 if device.is_cuda else kernels_dots.DOTS_AT_ONCE
         self._forces = Forces(
@@ -151,7 +154,7 @@ class Descent:
         """Which dots stand too close to others, shape ``[body_count]``, bool; see :mod:`.close_bodies`. Lines may lie closely."""
         position = self.positions() / self.model.unit
         where = self.model.space, self.field.mesh, self.step_limit, 1.0 / STEP_LIMIT
-        return close_bodies(self.launcher, position, *where) & (self.model.body.kind < 0)
+        return close_bodies(self.launcher, position, self.model.body_charge, *where) & (self.model.body.kind < 0)
 
     def facing(self) -> tuple[wp.array, np.ndarray]:
         """How outlines are turned [rad], and how they would look at the points of their classes, both of shape ``[body_count]``."""

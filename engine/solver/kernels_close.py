@@ -18,14 +18,16 @@ def anybody_within(
     start: int,
     end: int,
     position: wp.array(dtype=wp.vec2),
+    share: wp.array(dtype=float),
     order: wp.array(dtype=wp.int32),
     space: Space,
 ):
-    """Whether any of some bodies is nearer to body ``i``."""
+    """Whether any of some bodies is nearer to body ``i``, by the smaller share of the two."""
     found = int(0)
     for s in range(start, end):
         j = order[s]
-        if j != i and wp.length(difference(position[i], position[j], space)) < nearest:
+        away = wp.length(difference(position[i], position[j], space))
+        if j != i and away < nearest * wp.min(share[i], share[j]):
             found = 1
     return found
 
@@ -34,6 +36,7 @@ def anybody_within(
 def find_close(
     first: int,
     position: wp.array(dtype=wp.vec2),
+    share: wp.array(dtype=float),
     limit: wp.array(dtype=float),
     per_limit: float,
     mesh: Mesh,
@@ -43,7 +46,10 @@ def find_close(
     # outputs
     close: wp.array(dtype=wp.uint8),
 ):
-    """Whether another body is nearer than ``per_limit`` times the ``limit`` of a step here; looked for in the cells around."""
+    """Whether another body is nearer than ``per_limit`` times the ``limit`` of a step here, of which each has a ``share``.
+
+    It is looked for in the cells around.
+    """
     i = first + wp.tid()
     p = position[i]
     nearest = per_limit * limit[nearest_node(p, mesh)]
@@ -59,6 +65,8 @@ def find_close(
                 cell = row * grid.count_x + column
                 found = wp.max(
                     found,
-                    anybody_within(i, nearest, cell_start[cell], cell_start[cell + 1], position, order, grid.space),
+                    anybody_within(
+                        i, nearest, cell_start[cell], cell_start[cell + 1], position, share, order, grid.space
+                    ),
                 )
     close[i] = wp.uint8(found)

@@ -29,7 +29,12 @@ from ..space.density import move_into_support, sample_density
 from ..space.images_beyond import AxisBeyond, DensityBeyond, KnownWays, density_beyond, image_beyond
 from .model import Model
 
-__all__ = ["SMOOTH_OVER_SPACING", "SMOOTH_STEPS", "STEPS_WITHIN", "Kept", "NaturalBorder"]
+__all__ = [
+    "STEPS_WITHIN",
+    "Kept",
+    "NaturalBorder",
+    "smoothing",
+]
 
 # How far densities go on beyond an edge, in mean spacings of the class: rows along the outer edge, where it ends at last, have faded
 # there. For rare classes no farther than this share of the domain, unless that is nearer than so many spacings of all bodies.
@@ -44,6 +49,12 @@ MOST_BEYOND = 25.0
 # 1.5. More steps bring close pairs, which such forces do not see: the smallest spacing is .64 after 10 and .29 after 20.
 SMOOTH_OVER_SPACING = 1.4
 SMOOTH_STEPS = 8
+# Charges that are blurred over less than the spacing of the large ones see these one by one: small ones fill the gaps between them, so
+# that along the border, too. So the blur follows that spacing, up to so many times that of all, and there are fewer steps, by this
+# power of it. Measured on 255 discs of 0.28 m² and 681 of 0.04 m² on 20 m x 20 m: within 0.2 m of the border, where 10 and 27 would be
+# even, are 7 and 23 of them, and 1 and 32 with eight steps. Errors of all at k = 1 and 2 are .019 and .0022, and .017 and .0020.
+WIDEST_OF_LARGE = 2.0
+FEWER_STEPS = 3.0
 # Steps by the usual forces after that, which count only farther within: see :mod:`.held_border`.
 STEPS_WITHIN = 12
 # Where densities are everywhere the same, bodies come to stand in rows along the axes, and a border along these has a row at it or has
@@ -274,6 +285,13 @@ class NaturalBorder:
                 result[own] = move_into_support(model.supports[number], result[own], self._asked.rectangle.size)
         result[model.fixed] = self._asked.fixed.position
         return Kept(result, source)
+
+
+def smoothing(charge: np.ndarray) -> tuple[float, int]:
+    """How what was cut is evened out: the width of the blur between two of these charges over the spacing of all, and the steps."""
+    # How many times as far apart as all do those stand that make up most of the charge.
+    apart = math.sqrt(np.mean(charge**2)) / float(np.mean(charge))
+    return SMOOTH_OVER_SPACING * min(apart, WIDEST_OF_LARGE), max(1, round(SMOOTH_STEPS / apart**FEWER_STEPS))
 
 
 def _deepest(depth: np.ndarray, count: int, parts: tuple[np.ndarray, np.ndarray] | None) -> np.ndarray:

@@ -37,7 +37,7 @@ from .ink import with_widths
 from .looking import LOOKS_AWAY, angle_within, looks_at_point, somebody_looks
 from .memory import check_memory
 from .model import Model
-from .natural_border import SMOOTH_OVER_SPACING, SMOOTH_STEPS, STEPS_WITHIN, Kept, NaturalBorder
+from .natural_border import STEPS_WITHIN, Kept, NaturalBorder, smoothing
 from .places_in_support import in_support
 from .plane_settling import settle_in_plane
 from .progress import Progress, is_stop
@@ -222,10 +222,9 @@ class Solver:
             border, kept, before = self._border, self._cut_position(), self.descent
             assert isinstance(before, Descent)
             self._border = None
-            smooth = go_on_from(
-                before, self.model, kept.position, kept.source, turned=border.turn, smooth=SMOOTH_OVER_SPACING
-            )
-            smooth.step.play(SMOOTH_STEPS)
+            blur, steps = smoothing(self.model.charge.charge)
+            smooth = go_on_from(before, self.model, kept.position, kept.source, turned=border.turn, smooth=blur)
+            smooth.step.play(steps)
             position = smooth.positions()
             close = position[smooth.close_bodies()]
             self.descent = go_on_from(smooth, self.model, position, np.arange(self.model.body_count), close=close)

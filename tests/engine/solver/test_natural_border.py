@@ -64,6 +64,34 @@ def test_no_row_along_the_border(name, image):
     assert at_two < 1.5 * open_at_two and at_one < 0.006
 
 
+@pytest.mark.parametrize(
+    ("counts", "areas"), [((255, 681), (0.28, 0.04)), ((20, 60, 150, 300, 600), (2.0, 0.7, 0.25, 0.12, 0.05))]
+)
+def test_small_ones_fill_no_gap_along_the_border_that_large_ones_leave(counts, areas):
+    """What evens out the cut drew small ones onto the border, thirty times as many as even, and large ones away from it."""
+    side, seeds = 20.0, range(3)
+    classes = [
+        esh.BodyClass(f"c{n}", [esh.Size("s", area=a, count=c)])
+        for n, (c, a) in enumerate(zip(counts, areas, strict=True))
+    ]
+    depths = [
+        np.minimum(position, side - position).min(axis=1)
+        for seed in seeds
+        for position in [
+            esh.solve(esh.Problem(esh.Domain((side,) * 2, "natural"), classes, seed=seed), device="cpu").position
+        ]
+    ]
+    of_class = np.repeat(np.arange(len(counts)), counts)
+
+    def found_over_even(number, within):
+        even = counts[number] * (1.0 - (1.0 - 2.0 * within / side) ** 2)
+        return np.mean([(depth[of_class == number] < within).sum() for depth in depths]) / even
+
+    smallest, largest = len(counts) - 1, 0
+    assert found_over_even(smallest, 0.05) < 2.5 and 0.6 < found_over_even(smallest, 0.5) < 1.4
+    assert found_over_even(largest, 0.35 * side / math.sqrt(counts[largest])) > 0.6
+
+
 def test_parts_that_do_not_meet_have_the_numbers_that_they_ask_for():
     """Who lay deepest anywhere was kept, so that one island had some too many and another too few."""
     islands = (np.hypot(COLUMN + 0.2, ROW) < 0.2) * 1.0 + (np.hypot(COLUMN - 0.28, ROW + 0.1) < 0.13) * 2.0
