@@ -164,10 +164,23 @@ def _kinds(report: dict[str, Any]) -> list[str]:
     return report.get(NOTE_KINDS) or [kind_of(note) for note in report.get("notes", ())]
 
 
+# What the sidebar calls what reports have other words for.
+_IN_BLENDER = (
+    ("`", ""),
+    ("fixed bodies", "pinned objects"),
+    ("fixed body", "pinned object"),
+    ("1 body ", "1 object "),
+    (" bodies ", " objects "),
+    ("take more steps", "raise Max Steps (Advanced)"),
+    ("lower the counts or the areas", "lower counts or Scale"),
+)
+
+
 def _in_blender(note: str) -> str:
     """Return a sentence of a report in the words of the sidebar."""
-    note = note.replace("`", "").replace("fixed bodies", "pinned objects").replace("fixed body", "pinned object")
-    return note.replace("1 body ", "1 object ").replace(" bodies ", " objects ")
+    for word, here in _IN_BLENDER:
+        note = note.replace(word, here)
+    return note
 
 
 def overlaps(report: dict[str, Any]) -> str:

@@ -56,6 +56,12 @@ def test_more_steps_are_advised_only_where_they_help():
     ]
 
 
+def test_what_helps_is_called_as_the_sidebar_calls_it():
+    note = "2 bodies lie in obstacles, the deepest by 0.1 m; take more steps, or lower the counts or the areas"
+    said = "2 objects lie in obstacles, the deepest by 0.1 m; raise Max Steps (Advanced), or lower counts or Scale"
+    assert words.notes(report(notes=[note])) == [said]
+
+
 def test_where_the_figure_tells_of_large_objects_only_nothing_is_called_uneven():
     """Pebbles that are spread among boulders, for example: no steps make that figure smaller."""
     area = np.repeat([1.0, 1e-4], [40, 60_000])
