@@ -21,6 +21,7 @@ from . import (
     kernels_outlines,
     kernels_surface_bends,
     kernels_surface_separation,
+    kernels_surface_trials,
 )
 from .footprint_tables import footprint_tables
 from .model import Model
@@ -243,7 +244,7 @@ class SurfaceSeparation(Separation):
 
     def _propose_swaps(self, stuck: wp.array, inputs: Sequence[Any], outputs: Sequence[wp.array]) -> None:
         self.launcher.launch(
-            kernels_surface_separation.propose_swaps_on_surface,
+            kernels_surface_trials.propose_swaps_on_surface,
             len(stuck),
             [stuck, *inputs, self._crowd, self._cost],
             outputs,
@@ -251,13 +252,13 @@ class SurfaceSeparation(Separation):
         )
 
     @cached_property
-    def _pool(self) -> kernels_surface_separation.Pool:
+    def _pool(self) -> kernels_surface_trials.Pool:
         """Places that bodies may jump to: as many of a class as any of them tries, drawn from its density."""
         rng = np.random.default_rng([self._model.problem.seed, 12])
         places = TilePlaces(self._facets, rng)
         found = [places.draw(share, PLACES_OF_JUMP) for share in self._share]
         order = [rng.permutation(PLACES_OF_JUMP) for _ in found]
-        pool = kernels_surface_separation.Pool()
+        pool = kernels_surface_trials.Pool()
         pool.facet = self.launcher.array(
             np.concatenate([facet[some] for (facet, _), some in zip(found, order, strict=True)]), wp.int32
         )
@@ -273,7 +274,7 @@ class SurfaceSeparation(Separation):
         chosen, axes = launcher.empty(n, wp.int32), launcher.empty(n, wp.vec3)
         weights, left, distance = launcher.empty(n, wp.vec2), launcher.empty(n, float), launcher.empty(n, float)
         launcher.launch(
-            kernels_surface_separation.propose_places_on_surface,
+            kernels_surface_trials.propose_places_on_surface,
             n,
             [
                 wp.array(stuck.astype(np.int32), dtype=wp.int32, device=launcher.device),
@@ -314,7 +315,7 @@ class SurfaceSeparation(Separation):
 
     def _find_costs(self, cost: wp.array) -> None:
         self.launcher.launch(
-            kernels_surface_separation.find_costs_on_surface,
+            kernels_surface_trials.find_costs_on_surface,
             self._count,
             [self._crowd],
             [cost],
@@ -325,7 +326,7 @@ class SurfaceSeparation(Separation):
         self, trials: int, keep: float, seed: int, cost: wp.array, angle: wp.array, gain: wp.array
     ) -> None:
         self.launcher.launch(
-            kernels_surface_separation.propose_turns_on_surface,
+            kernels_surface_trials.propose_turns_on_surface,
             self._count,
             [trials, keep, seed, cost, self._crowd],
             [angle, gain],
@@ -334,7 +335,7 @@ class SurfaceSeparation(Separation):
 
     def _accept_turns(self, angle: wp.array, gain: wp.array, turned: wp.array) -> None:
         self.launcher.launch(
-            kernels_surface_separation.accept_turns_on_surface,
+            kernels_surface_trials.accept_turns_on_surface,
             self._count,
             [angle, gain],
             [self._crowd, turned],
