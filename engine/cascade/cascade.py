@@ -30,9 +30,10 @@ from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..space.cell_sort import CellSort
 from ..surface import kernels_facets
 from ..surface.facets import Facets
-from . import kernels_cascade, kernels_near_target
+from . import kernels_cascade, kernels_near_charges, kernels_near_target, kernels_nodes
 from .carried_tiles import CarriedTiles
 from .kernels_points import Points
+from .kernels_sorted_charges import CHARGE_PLANES, SortedCharges
 from .native_lanes import LANES
 from .nodes import NEAR_REACH, Nodes, homed
 from .points import Lists, alike, chosen, empty_points, grid_of, nearest_of, taken, thinned
@@ -266,7 +267,7 @@ class Cascade:
             before = carried = None
         self.node_count = self.nodes.count
         self._weights, pairs = self.nodes.weights, self.nodes.pairs
-        self._nearby = kernels_cascade.NearPart()
+        self._nearby = kernels_near_charges.NearPart()
         self._nearby.start, self._nearby.near, self._nearby.cutoff = pairs.start, pairs.entry, self.nodes.cutoff
         self._nearby.interaction = self._interaction
         self._set_softness(charge)
@@ -306,7 +307,7 @@ class Cascade:
         """
         launch, n = self.launcher.launch, len(self._charge)
         with self.launcher.phase("sort"):
-            self._sort.sort(kernels_cascade.find_homes, [home])
+            self._sort.sort(kernels_nodes.find_homes, [home])
         at_home = homed(charges, home, self._sort)
         with self.launcher.phase("deposit"):
             launch(
@@ -660,15 +661,13 @@ class Cascade:
         result[:-1][uniform] = total[uniform, None] / float(full_area.sum()) * result[-1]
         return result[:-1], result[-1]
 
-    def _homed(self, points: Points, home: wp.array) -> kernels_cascade.Homed:
+    def _homed(self, points: Points, home: wp.array) -> kernels_nodes.Homed:
         """Points whose homes are known, sorted by these."""
         sort = CellSort(self.launcher, len(home), self.node_count)
-        sort.sort(kernels_cascade.find_homes, [home])
+        sort.sort(kernels_nodes.find_homes, [home])
         return homed(points, home, sort)
 
-    def _deposited(
-        self, at_home: kernels_cascade.Homed, amount: wp.array, room: kernels_cascade.SortedCharges
-    ) -> np.ndarray:
+    def _deposited(self, at_home: kernels_nodes.Homed, amount: wp.array, room: SortedCharges) -> np.ndarray:
         """What every node gets of points that have so much each."""
         launcher, count = self.launcher, len(amount)
         launcher.launch(
@@ -708,9 +707,9 @@ def _same_everywhere(share: np.ndarray, area: np.ndarray) -> np.ndarray:
     return ratio.max(axis=1) - ratio.min(axis=1) <= SAME_SHARE * ratio.max(axis=1)
 
 
-def _room_for_sorted(launcher: Launcher, count: int) -> kernels_cascade.SortedCharges:
+def _room_for_sorted(launcher: Launcher, count: int) -> SortedCharges:
     """Room for charges in the order of their homes."""
-    charges = kernels_cascade.SortedCharges()
+    charges = SortedCharges()
     charges.group = launcher.empty(count, wp.int32)
-    charges.plane = launcher.zeros(kernels_cascade.CHARGE_PLANES * count + LANES, float)
+    charges.plane = launcher.zeros(CHARGE_PLANES * count + LANES, float)
     return charges

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warp as wp
 
 from .kernels_points import PointGrid, Points, cell_around, cell_at, slot_of
-from .native_lanes import PLANES_CODE
+from .native_lanes import NEIGHBOR_CODE, PLANES_CODE
 
 wp.set_module_options({"enable_backward": False})
 
@@ -68,11 +68,7 @@ class Sources:
     V to_x = (V)0.0f, to_y = (V)0.0f, to_z = (V)0.0f;
     for (int j = begin; j < end; j += lanes)
     {{
-        const V dx = position[0] - load(x + j);
-        const V dy = position[1] - load(y + j);
-        const V dz = position[2] - load(z + j);
-        const V square = dx * dx + dy * dy + dz * dz;
-        const V cosine = load(up_x + j) * normal[0] + load(up_y + j) * normal[1] + load(up_z + j) * normal[2];
+        {NEIGHBOR_CODE}
         // Cells share slots: what lies far away, and is not seen, would be beyond all whole numbers.
         const V all = square * table_scale;
         const V at = all < beyond ? all : (V)beyond;

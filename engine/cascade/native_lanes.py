@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["LANES", "LANES_CODE", "PLANES_CODE"]
+__all__ = ["LANES", "LANES_CODE", "NEIGHBOR_CODE", "PLANES_CODE"]
 
 # Native code because these loops are most of a step's time. A CPU takes so many neighbors at once, a GPU one: those of a run lie side
 # by side. What lies behind the end of a run is read, too, and does not count.
@@ -73,4 +73,12 @@ PLANES_CODE = f"""{LANES_CODE}
     const float* up_x = z + count;
     const float* up_y = up_x + count;
     const float* up_z = up_y + count;
+"""
+# The way from the neighbors from number j on to a place, its square, and the cosine of the angle between their normals and its own.
+NEIGHBOR_CODE = """
+            const V dx = position[0] - load(x + j);
+            const V dy = position[1] - load(y + j);
+            const V dz = position[2] - load(z + j);
+            const V square = dx * dx + dy * dy + dz * dz;
+            const V cosine = load(up_x + j) * normal[0] + load(up_y + j) * normal[1] + load(up_z + j) * normal[2];
 """

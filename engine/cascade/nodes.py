@@ -17,7 +17,7 @@ from ..device.running_sum import running_sum
 from ..space.cell_sort import CellSort
 from ..surface import kernels_facets
 from ..surface.facets import Facets
-from . import kernels_cascade
+from . import kernels_nodes
 from .beyond_edges import with_nodes_beyond_edges
 from .kernels_points import Points
 from .native_lanes import LANES
@@ -36,7 +36,7 @@ FAR_HOME_REACH = 6.0
 HOME_TURN = 2.0
 # Width of the weights over the level's length, and where they end; a home is nearer than the second.
 WIDTH = 0.8
-WEIGHT_REACH = math.sqrt(kernels_cascade.REACH_SQUARED)
+WEIGHT_REACH = math.sqrt(kernels_nodes.REACH_SQUARED)
 HOME_DISTANCE = 0.8
 # A Gaussian of a level ends at this many of its widths.
 OCTAVE_REACH = 3.5
@@ -132,13 +132,13 @@ class Nodes:
         if known is not None:
             is_new = known[0] < 0
             inputs = [launcher.array(known[0].astype(np.int32), wp.int32), known[1]]
-            launcher.launch(kernels_cascade.carry_homes, count, inputs, [result])
+            launcher.launch(kernels_nodes.carry_homes, count, inputs, [result])
 
         def find(own: np.ndarray, reach: float, turn: float) -> wp.array:
             number = launcher.array(np.flatnonzero(own).astype(np.int32), wp.int32)
             points = chosen(launcher, tiles, number) if len(number) < count else tiles
             near = nearest_of(launcher, points, self._on_surface, reach, turn)
-            launcher.launch(kernels_cascade.settle, len(number), [number, near, self._place], [result])
+            launcher.launch(kernels_nodes.settle, len(number), [number, near, self._place], [result])
             return near
 
         reach = HOME_REACH_OF_OTHERS if made_for_others else HOME_REACH
@@ -172,7 +172,7 @@ class Nodes:
             value = launcher.empty(len(near.entry), float)
             count = len(nodes.position)
             height = math.log(2.0) * (octave / rest) ** 2
-            launcher.launch(kernels_cascade.weigh_octave, count, [nodes, near.start, near.entry, rest, height], [value])
+            launcher.launch(kernels_nodes.weigh_octave, count, [nodes, near.start, near.entry, rest, height], [value])
             if octave > diagonal or count < FEWEST_NODES:
                 return [*levels, NodeLevel(count, near, value)]
             kept = thinned(launcher, nodes, 2.0 * NODE_DISTANCE * length, crowded=False)
@@ -182,9 +182,9 @@ class Nodes:
             nodes, length, width = coarse, 2.0 * length, 2.0 * width
 
 
-def homed(points: Points, home: wp.array, sort: CellSort) -> kernels_cascade.Homed:
+def homed(points: Points, home: wp.array, sort: CellSort) -> kernels_nodes.Homed:
     """Points with their homes, as they are sorted by these."""
-    result = kernels_cascade.Homed()
+    result = kernels_nodes.Homed()
     result.points, result.home, result.order, result.start = points, home, sort.order, sort.cell_start
     return result
 
@@ -198,30 +198,30 @@ def _between(
     # There is one: the finer nodes were thinned out to these. Lists by home and by node agree only where it is no farther.
     home = nearest_of(launcher, fine, coarse, HOME_DISTANCE * length, HOME_TURN * length)
     sort = CellSort(launcher, count, coarse_count)
-    sort.sort(kernels_cascade.find_homes, [home])
+    sort.sort(kernels_nodes.find_homes, [home])
     at_home = homed(fine, home, sort)
-    row = launcher.empty(count, kernels_cascade.Row)
-    launcher.launch(kernels_cascade.fit_rows_in_place, count, [at_home, weights], [row], grain=GRAIN_OF_NEIGHBORS)
+    row = launcher.empty(count, kernels_nodes.Row)
+    launcher.launch(kernels_nodes.fit_rows_in_place, count, [at_home, weights], [row], grain=GRAIN_OF_NEIGHBORS)
 
     def shares(to_nodes: int, number: int) -> tuple[Lists, wp.array]:
         found = launcher.empty(number, wp.int32)
         inputs = [to_nodes, at_home, weights]
-        launcher.launch(kernels_cascade.count_shares, number, inputs, [found], grain=GRAIN_OF_NEIGHBORS)
+        launcher.launch(kernels_nodes.count_shares, number, inputs, [found], grain=GRAIN_OF_NEIGHBORS)
         start, total = running_sum(launcher, found)
         entry, value = launcher.empty(max(total, 1), wp.int32), launcher.empty(max(total, 1), float)
         inputs = [to_nodes, at_home, row, weights, start]
-        launcher.launch(kernels_cascade.list_shares, number, inputs, [entry, value], grain=GRAIN_OF_NEIGHBORS)
+        launcher.launch(kernels_nodes.list_shares, number, inputs, [entry, value], grain=GRAIN_OF_NEIGHBORS)
         return Lists(start, entry), value
 
     return (*shares(0, count), *shares(1, coarse_count))
 
 
-def _weights_of(launcher: Launcher, nodes: Points, width: float, length: float) -> kernels_cascade.Weights:
+def _weights_of(launcher: Launcher, nodes: Points, width: float, length: float) -> kernels_nodes.Weights:
     """What points are shared out among: nodes of a level of a length, by weights of a width."""
     near = runs_of(launcher, lists_of(launcher, nodes, nodes, WEIGHT_REACH * width + HOME_DISTANCE * length), nodes)
-    weights = kernels_cascade.Weights()
+    weights = kernels_nodes.Weights()
     weights.nodes, weights.start, weights.near, weights.width = nodes, near.start, near.entry, width
     count = len(nodes.position)
-    weights.plane = launcher.zeros(kernels_cascade.NODE_PLANES * count + LANES, float)
-    launcher.launch(kernels_cascade.fill_planes, count, [nodes], [weights.plane])
+    weights.plane = launcher.zeros(kernels_nodes.NODE_PLANES * count + LANES, float)
+    launcher.launch(kernels_nodes.fill_planes, count, [nodes], [weights.plane])
     return weights

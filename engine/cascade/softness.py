@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from . import kernels_cascade
+from .kernels_near_charges import NEAR_TERMS
 
 __all__ = ["Following", "Softness", "near_force", "near_terms"]
 
@@ -86,5 +86,5 @@ def near_terms(cutoff: float, blur: float) -> np.ndarray:
     """Factors of the polynomial of the near part between charges (:class:`.NearPart`), blurred alike, or points: 0."""
     squared = np.linspace(0.0, 1.0, FITTED)
     force = near_force(cutoff**2 * squared, blur)
-    fit = np.polynomial.Chebyshev.fit(squared, force, kernels_cascade.NEAR_TERMS - 1, domain=[0.0, 1.0])
+    fit = np.polynomial.Chebyshev.fit(squared, force, NEAR_TERMS - 1, domain=[0.0, 1.0])
     return fit.convert(kind=np.polynomial.Polynomial).coef

@@ -6,7 +6,7 @@ import warp as wp
 
 from ..cascade.kernels_points import cell_at, same_cell
 from ..space.kernels_meeting import Meeting, keep_apart
-from ..surface.kernels_facets import carried, spot_at, tangential
+from ..surface.kernels_facets import across, carried, spot_at, tangential
 from ..surface.kernels_relations import see_each_other
 from .kernels_contact import Capsule, Push, capsule, push_between, scale_of_pushes
 from .kernels_descent import PINNED, Bodies
@@ -172,15 +172,6 @@ class Here:
 
 
 @wp.func
-def direction_in_plane(normal: wp.vec3):
-    """Any direction across ``normal``."""
-    across = wp.vec3(-normal[2], 0.0, normal[0])
-    if wp.abs(normal[0]) < 0.6:
-        across = wp.vec3(0.0, -normal[2], normal[1])
-    return wp.normalize(across)
-
-
-@wp.func
 def stand(position: wp.vec3, facet: int, axis: wp.vec3, radius: float, mass: float, ground: Ground):
     """A body on a facet, seen in the plane along its axis."""
     half = wp.length(axis)
@@ -190,7 +181,7 @@ def stand(position: wp.vec3, facet: int, axis: wp.vec3, radius: float, mass: flo
     here.normal = ground.facets.normal[facet]
     here.along = axis / wp.max(half, 1.0e-12)
     if half == 0.0:
-        here.along = direction_in_plane(here.normal)
+        here.along = across(here.normal)
     here.beside = wp.cross(here.normal, here.along)
     here.footprint = capsule(wp.vec2(half, 0.0), half, radius, mass)
     return here

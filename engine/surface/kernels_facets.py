@@ -166,6 +166,15 @@ def interpolated(facet: int, weight: wp.vec2, values: wp.array(dtype=Any), start
 
 
 @wp.func
+def across(normal: wp.vec3):
+    """A direction at a right angle to a normal."""
+    away = wp.vec3(-normal[2], 0.0, normal[0])
+    if wp.abs(normal[0]) < 0.6:
+        away = wp.vec3(0.0, -normal[2], normal[1])
+    return wp.normalize(away)
+
+
+@wp.func
 def tangential(vector: wp.vec3, normal: wp.vec3):
     return vector - wp.dot(vector, normal) * normal
 
