@@ -131,7 +131,7 @@ class Contact:
                 all the domain.
         """
         parting = PlaneSeparation(self._model, self.launcher, self._bodies, self._images, pose, turn, bend, room)
-        if not guided or not needs_guidance(self._model) or parting.too_crowded:
+        if not guided or not needs_guidance(self._model) or parting.crowding.is_too_crowded:
             return parting.run(go_on, again=again)
         guidance = Guidance(self._model, self.launcher, self._bodies, bend)
         try:

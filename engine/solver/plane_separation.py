@@ -12,10 +12,11 @@ from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..space import kernels_images
 from ..space.neighborhood import Neighborhood
 from . import kernels_bends, kernels_descent, kernels_outlines, kernels_pairs, kernels_separation, kernels_trials
+from .changes_of_place import best_of_lanes
 from .footprint_tables import footprint_tables
 from .guidance import Guidance
 from .model import Model
-from .separation import SKIN, TOLERANCE, ProposedPlaces, Separation, best_of_lanes
+from .separation import SKIN, TOLERANCE, ProposedPlaces, Separation
 from .spatial_order import spatial_order
 from .standing_outlines import StandingOutlines, standing_outlines
 from .supports import parted_from_obstacles

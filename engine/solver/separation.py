@@ -12,19 +12,20 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher, Recording
-from ..problem.cover import Cover, cover_of
 from ..problem.packing import is_long
 from ..space.cell_sort import CellSort
-from . import kernels_outlines, kernels_pairs, kernels_trials
+from . import kernels_pairs, kernels_trials
 from .body_flags import BodyFlags
-from .footprint_tables import FootprintTables, numbered
+from .changes_of_place import alone, compatible, find_traders
+from .crowd_outlines import crowd_outlines
+from .crowding import ROUNDS_OF_THE_JAMMED, ROUNDS_OF_THE_TOO_CROWDED, Crowding
+from .footprint_tables import FootprintTables
 from .guidance import Guidance
 from .model import Model
 
@@ -71,34 +72,11 @@ ROUNDS_OF_GUIDANCE_WITHOUT_EDGES = 1600
 FEWEST_ROUNDS_OF_GUIDANCE = 100
 BODIES_TO_GUIDE = 10_000_000
 ROUNDS_PER_GUIDANCE = 10
-# Rounds at most, between two looks at what is left, and without progress before it is given up; progress is to have at most this
-# share of the squared overlaps left.
-MOST_ROUNDS = 2500
+# Rounds between two looks at what is left, and without progress before it is given up; progress is to have at most this share of the
+# squared overlaps left.
 ROUNDS_AT_ONCE = 5
 ROUNDS_WITHOUT_PROGRESS = 500
 PROGRESS = 0.97
-# Where the squared overlaps are this large on average beside obstacles, so many rounds without progress are enough, and no second try
-# follows: measured on pebbles among others, of which a second try leaves as many.
-JAMMED = 0.02
-ROUNDS_OF_THE_JAMMED = 200
-# More bodies than this are taken for jammed from the first where they cover this share of what fits beside obstacles. Measured on
-# 10,000 discs among 1,000 trees: at .91 of it 46 pairs are left after 700 rounds and 44 after 4,300, at .97 they are 691 and 672; at
-# .84 two, of which the second try parts one.
-MANY_BODIES, NEARLY_FULL = 2000, 0.9
-# Above this cover hardly anything can be parted to the last: so many rounds at most, and no second try.
-TOO_CROWDED = 0.86
-ROUNDS_OF_THE_TOO_CROWDED = 500
-# The same where gaps between what stands there are too narrow for what is to go into them, which no cover tells: after those rounds
-# the squared overlaps are still this large on average. Measured: 2.8 of 557 pebbles and planks among 236 trees and logs that leave no
-# room for them, .006 of 1,900 that nearly fit, and .0004 of a jam that a second try does part.
-HOPELESS = 0.5
-# Where footprints cover more than the ground, or those of many bodies this many times what fits beside obstacles, none of this helps:
-# so many rounds, of many bodies as many as this has of all bodies. Measured on 10,000 discs and twigs among 1,000 trees, at 1.2 to 3.4
-# times what fits: 15 rounds leave as many pairs as 240 to 470, but for 2 in 100.
-BEYOND_WHAT_FITS = 1.15
-ROUNDS_OF_THE_HOPELESS = 150
-FEWEST_ROUNDS = 15
-BODIES_OF_THE_HOPELESS = 200_000
 # Rounds after the last overlap that counts until those below the tolerance may stay.
 LAST_ROUNDS = 100
 # Trading places: passes before the first round, rounds between two later passes and how many there are; candidates for each body,
@@ -130,9 +108,8 @@ PRESSED_PLACES = 0.1
 # Where a pass leaves more than this share of those who are caught, and they are more than this share of all bodies, there is no room
 # for them: no other follows.
 STILL_CAUGHT, MANY_CAUGHT = 0.8, 0.2
-# On a GPU so many threads try the places of a body at most; and all together have room for the corners of so many outlines.
+# On a GPU so many threads try the places of a body at most.
 MOST_LANES = 256
-ROOMS_ON_GPU = 16_384
 # Of those who are caught so many look for a place at once.
 MOST_AT_ONCE = 2000
 # Turning before the first round: passes, turns that each body tries in one, passes times bodies at most, and what may be left of a
@@ -142,8 +119,6 @@ TRIALS = 24
 TURNS_TO_TRY = 300_000
 KEEP_TURNS = 0.9
 KEEP = 0.8
-# Bodies trade places whose areas differ by up to this factor.
-ALIKE = 1.15
 # Of many bodies fewer passes, as many as this has of all bodies.
 FEWEST_SWAPS = 6
 BODIES_TO_SWAP = 600_000
@@ -222,16 +197,20 @@ class Separation(ABC):
             pinned | ~free | is_round, 0.0, tables.area * unit**2 / (mass * np.maximum(tables.inertia, 1e-300))
         )
         everything = np.concatenate([order, np.arange(len(order), n)])
-        self._outlines = self._outlines_for_kernels(
+        self._outlines, self._corner_count, self._trial_corners, self._rooms = crowd_outlines(
+            launcher,
             tables,
             everything,
+            unit,
+            sees_copies=self.SEES_COPIES,
             skin=behind(SKIN * np.sqrt(tables.area[: len(order)]) / unit, 0.0),
             lightness=lightness,
             ease=ease,
             length=behind(length / unit, 0.0),
             offset=behind(offset, 0.0),
         )
-        self._covered = float(tables.area[: len(order)].sum() / model.problem.domain.area)
+        covered = float(tables.area[: len(order)].sum() / model.problem.domain.area)
+        self.crowding = Crowding(model.problem, len(order), covered)
         self._free = bool((free & ~is_round & ~pinned & ~behind(self._is_line, False)).any())
         self._fixed = bool((~free & ~is_round & ~pinned).any())
         kept = np.array([is_long(shape) for shape in model.footprints.shapes] + [False])[model.footprints.shape]
@@ -239,7 +218,15 @@ class Separation(ABC):
         self._rows = self._fixed and np.count_nonzero(kept) > 1
         self._kept = launcher.array(kept[everything].astype(np.int32), wp.int32)
         self._in_row = launcher.zeros(n, wp.int32)
-        self._prepare_bins(tables.area[: len(order)], tables.reach, is_round[: len(order)], pinned[: len(order)])
+        self._traders = find_traders(
+            model,
+            launcher,
+            order,
+            area=tables.area[: len(order)],
+            reach=tables.reach,
+            is_round=is_round[: len(order)],
+            pinned=pinned[: len(order)],
+        )
         self._settings = wp.zeros(6, dtype=float, device=launcher.device)
         self._deep, self._touching = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
         self._cost = launcher.zeros(n, float)
@@ -364,75 +351,13 @@ class Separation(ABC):
         # Who is caught among bodies that give way goes where it is better by far.
         enough = np.maximum(keep, KEEP_PLACES * before[stuck])
         landing = np.flatnonzero(found.left < np.where(wedged[stuck], kernels_trials.PINNED_COST, enough))
-        landing = landing[_alone(found.place[landing], self._outlines.reach.numpy()[stuck[landing]])]
+        landing = landing[alone(found.place[landing], self._outlines.reach.numpy()[stuck[landing]])]
         found.land(landing)
         self._rebuild()
         return len(landing)
 
     def _make_room(self, slots: int) -> None:  # noqa: B027
         """Make room for what else is known of so many pairs; nothing, as a rule."""
-
-    def _outlines_for_kernels(
-        self, tables: FootprintTables, order: np.ndarray, **others: np.ndarray
-    ) -> kernels_outlines.Outlines:
-        device, unit = self.launcher.device, self._model.unit
-
-        def numbers(values: np.ndarray) -> wp.array:
-            return self.launcher.array(values.astype(np.float32)[order], float)
-
-        def whole(values: np.ndarray) -> wp.array:
-            return self.launcher.array(values.astype(np.int32), wp.int32)
-
-        corners = np.diff(tables.start)[tables.shape][order]
-        first = np.concatenate([[0], np.cumsum(corners)])
-        outlines = kernels_outlines.Outlines()
-        outlines.body = whole(order)
-        outlines.first_corner = whole(first)
-        outlines.shape = whole(tables.shape[order])
-        outlines.factor = numbers(tables.factor / unit)
-        outlines.rounding = numbers(tables.rounding / unit)
-        outlines.reach = numbers(tables.reach / unit)
-        outlines.width = numbers(tables.width / unit)
-        for name, values in others.items():
-            setattr(outlines, name, numbers(values))
-        outlines.slope = self.launcher.zeros(len(order), wp.vec2)
-        outlines.shape_start = whole(tables.start)
-        outlines.shape_corner = wp.array(tables.corners.astype(np.float32), dtype=wp.vec4, device=device)
-        # Behind them there is room for corners that are seen by somebody else, or might be.
-        self._corner_count = int(first[-1])
-        seen = corners if self.SEES_COPIES else corners[(others["ease"] > 0.0)[order]]
-        self._trial_corners = int(seen.max(initial=0))
-        self._rooms = max(len(order), ROOMS_ON_GPU if device.is_cuda else 0)
-        outlines.corner = self.launcher.empty(self._corner_count + self._rooms * self._trial_corners, wp.vec4)
-        return outlines
-
-    def _prepare_bins(self, area: np.ndarray, reach: np.ndarray, is_round: np.ndarray, pinned: np.ndarray) -> None:
-        """Bodies that may trade places: of one class and size, of like areas, and not all the same disc."""
-        body = self._model.body
-        may = ~pinned & ~self._is_line
-        if not (may & ~is_round).any():
-            bin_of, members, start = np.zeros(len(may), np.int64), np.zeros(0, np.int64), np.zeros(2, np.int64)
-            self._may_swap = np.zeros(len(may), bool)
-        else:
-            step = np.floor(np.log(area) / math.log(ALIKE)).astype(np.int64)
-            bin_of = numbered(np.where(may, body.class_index, -1), body.size_index, body.support, step)[self._order]
-            count = int(bin_of.max()) + 1
-            useful = np.zeros(count, bool)
-            useful[bin_of[(may & ~is_round)[self._order]]] = True
-            self._may_swap = may[self._order] & useful[bin_of]
-            members = np.flatnonzero(self._may_swap)
-            # Few bins are sorted by radix.
-            narrow = bin_of.astype(np.uint16 if count < 1 << 16 else np.int64)
-            members = members[np.argsort(narrow[members], kind="stable")]
-            start = np.concatenate([[0], np.cumsum(np.bincount(bin_of[members], minlength=count))])
-        device = self.launcher.device
-        self._bins = kernels_trials.Bins()
-        self._bins.bin = wp.array(bin_of.astype(np.int32), dtype=wp.int32, device=device)
-        self._bins.start = wp.array(start.astype(np.int32), dtype=wp.int32, device=device)
-        self._bins.member = wp.array(
-            (members if len(members) else np.zeros(1)).astype(np.int32), dtype=wp.int32, device=device
-        )
-        self._swap_reach = 2.0 * float(reach[self._order][members].max(initial=0.0)) / self._model.unit
 
     def run(
         self, go_on: Callable[[], bool] | None = None, *, again: bool = False, guidance: Guidance | None = None
@@ -446,7 +371,11 @@ class Separation(ABC):
         """
         self._again, self._guidance, self._jammed = again, guidance, False
         parted = self._try(go_on, hot=False)
-        if parted is False and self._swappable and not (self.too_crowded or self._hopeless or self._jammed):
+        if (
+            parted is False
+            and self._swappable
+            and not (self.crowding.is_too_crowded or self.crowding.is_hopeless or self._jammed)
+        ):
             self._go_home()
             self._recall(self._begun)
             parted = self._try(go_on, hot=True)
@@ -463,49 +392,24 @@ class Separation(ABC):
     @property
     def _swappable(self) -> bool:
         # Who was parted before keeps its place.
-        return not self._again and bool(self._may_swap.any())
-
-    @property
-    def _most_rounds(self) -> int:
-        if self._hopeless:
-            return min(ROUNDS_OF_THE_HOPELESS, max(FEWEST_ROUNDS, BODIES_OF_THE_HOPELESS // len(self._order)))
-        return MOST_ROUNDS
-
-    @cached_property
-    def _cover(self) -> Cover:
-        return cover_of(self._model.problem)
-
-    @property
-    def too_crowded(self) -> bool:
-        """Whether there is hardly a way to part them, by the ground where bodies may be."""
-        return self._cover.covered > TOO_CROWDED
-
-    @cached_property
-    def _hopeless(self) -> bool:
-        """Whether they cannot be parted at all."""
-        return self._covered > 1.0 or self._fills_gaps(BEYOND_WHAT_FITS)
-
-    def _fills_gaps(self, share: float) -> bool:
-        """Whether many bodies cover more than a share of what fits between obstacles, which takes a moment to find out."""
-        many = len(self._order) > MANY_BODIES and bool(self._model.problem.obstacles)
-        return many and self._cover.covered > share * self._cover.fits
+        return not self._again and bool(self._traders.may_trade.any())
 
     def _try(self, go_on: Callable[[], bool] | None, hot: bool) -> bool | None:
         """One try; None where it was stopped."""
         self._moves.last.zero_()
         self._rebuild()
-        if self._swappable and self._fixed and not (self._hopeless or self._begun):
+        if self._swappable and self._fixed and not (self.crowding.is_hopeless or self._begun):
             self._swap_first()
             self._begun = [wp.clone(array) for array in self._places()]
-        if self._free and not (hot or self._hopeless or self._again):
+        if self._free and not (hot or self.crowding.is_hopeless or self._again):
             self._turn_first()
         momentum = HOT_MOMENTUM if hot else FIRST_MOMENTUM
-        most = self._most_rounds
+        most = self.crowding.most_rounds
         self._swaps_left, self._jumps_left = HOT_SWAPS if hot else MOST_SWAPS, MOST_JUMPS
         self._caught = math.inf if self._model.problem.obstacles else 0.0
         guidance = None if hot else self._guidance
         guided, strongest = 0, PULL
-        pull_rounds = ROUNDS_OF_PULL[int(self._covered > CROWDED and (self._free or self._fixed))]
+        pull_rounds = ROUNDS_OF_PULL[int(self.crowding.covered > CROWDED and (self._free or self._fixed))]
         if guidance is not None:
             longest = ROUNDS_OF_GUIDANCE if self._model.space.has_edges else ROUNDS_OF_GUIDANCE_WITHOUT_EDGES
             guided = min(longest, max(FEWEST_ROUNDS_OF_GUIDANCE, BODIES_TO_GUIDE // len(self._order)))
@@ -542,14 +446,14 @@ class Separation(ABC):
                     return True
                 if squares < best:
                     best, best_places = squares, [wp.clone(array) for array in self._places()]
-                self._jammed = self._is_jam(squares)
+                self._jammed = self.crowding.is_jam(squares)
                 patience = ROUNDS_OF_THE_JAMMED if self._jammed else ROUNDS_WITHOUT_PROGRESS
                 since = 0 if squares < PROGRESS * least else since + ROUNDS_AT_ONCE
                 least = squares if since == 0 else least
                 if number == guided + most or (since >= patience and deep > 0):
                     break
-                hopeless = self.too_crowded or squares > HOPELESS * len(self._order)
-                if number - guided >= ROUNDS_OF_THE_TOO_CROWDED and deep > 0 and hopeless:
+                no_room = self.crowding.leaves_no_room(squares)
+                if number - guided >= ROUNDS_OF_THE_TOO_CROWDED and deep > 0 and no_room:
                     break
                 if go_on is not None and not go_on():
                     stopped = True
@@ -560,11 +464,6 @@ class Separation(ABC):
             self._move()
         self._recall(best_places)
         return None if stopped else False
-
-    def _is_jam(self, squares: float) -> bool:
-        """Whether squared overlaps are so large that they hardly come apart; where nothing stands in the way they do for long."""
-        limit = JAMMED if self._model.problem.obstacles else HOPELESS
-        return squares > limit * len(self._order) or self._fills_gaps(NEARLY_FULL)
 
     def _change_places(self, number: int, unguided: int) -> int:
         """Give bodies that stay stuck other places: those of others of their kind, and free ones; returns how many have one.
@@ -639,7 +538,7 @@ class Separation(ABC):
         """Let the most stuck bodies trade places with others of their kind where both fit better; returns how many do."""
         self._left()
         cost = self._cost.numpy()[: len(self._order)]
-        stuck = np.flatnonzero(self._may_swap & (cost > TOLERANCE**2))
+        stuck = np.flatnonzero(self._traders.may_trade & (cost > TOLERANCE**2))
         if not len(stuck):
             return 0
         stuck = stuck[np.argsort(-cost[stuck], kind="stable")]
@@ -651,17 +550,17 @@ class Separation(ABC):
         partner, gain = self.launcher.zeros(len(stuck), wp.int32), self.launcher.zeros(len(stuck), float)
         seed = (self._model.problem.seed * 7919 + number) % (1 << 31)
         on_device = wp.array(stuck.astype(np.int32), dtype=wp.int32, device=self.launcher.device)
-        self._propose_swaps(on_device, [self._bins, candidates, keep, seed], [partner, gain])
+        self._propose_swaps(on_device, [self._traders.bins, candidates, keep, seed], [partner, gain])
         found, gained = partner.numpy(), gain.numpy()
         proposed = np.flatnonzero(found >= 0)
         proposed = proposed[np.argsort(-gained[proposed], kind="stable")]
         one, other = stuck[proposed], found[proposed]
-        chosen = self._compatible(one, other)
-        one, other = one[chosen], other[chosen]
-        self._trade(one, other)
-        if len(one):
-            self._rebuild()
-        return len(one)
+        if not len(one):
+            return 0
+        chosen = compatible(self._cells(self._traders.reach), one, other)
+        self._trade(one[chosen], other[chosen])
+        self._rebuild()
+        return int(chosen.sum())
 
     def _swap_first(self) -> None:
         """Let bodies trade places before the first round: the more that fit where they are, the less they need to move."""
@@ -687,39 +586,3 @@ class Separation(ABC):
             if int(turned.numpy().sum()) < LEAST_SWAPS * n:
                 break
         self._rebuild()
-
-    def _compatible(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """Which couples do not disturb each other: the best ones first, none of whose cells another one's body leaves or enters."""
-        if not len(one):
-            return np.zeros(0, bool)
-        cell = self._cells(self._swap_reach)
-        first, second = cell[one], cell[other]
-        rank = np.arange(len(one))
-        claims = np.full(int(cell.max()) + 1, len(one))
-        np.minimum.at(claims, first, rank)
-        np.minimum.at(claims, second, rank)
-        return (claims[first] == rank) & (claims[second] == rank)
-
-
-def best_of_lanes(cost: np.ndarray, distance: np.ndarray, lanes: int) -> np.ndarray:
-    """Return which lane's place is the best of every body: of those without overlap the nearest, or else that of least overlap.
-
-    Args:
-        cost: Squared overlaps at the best place of every lane, those of a body side by side.
-        distance: How far these places are.
-        lanes: How many lanes there are for each body.
-    """
-    cost, distance = cost.reshape(-1, lanes), distance.reshape(-1, lanes)
-    is_free = cost < kernels_trials.TOLERABLE**2
-    order = np.where(is_free, distance, np.inf)
-    lane = np.where(is_free.any(axis=1), order.argmin(axis=1), cost.argmin(axis=1))
-    return lanes * np.arange(len(lane)) + lane
-
-
-def _alone(place: np.ndarray, reach: np.ndarray) -> np.ndarray:
-    """Which of some places to take, the first ones first, so that no two bodies of these reaches meet there; ascending."""
-    taken = np.zeros(len(place), bool)
-    for k in range(len(place)):
-        apart = np.linalg.norm(place[:k] - place[k], axis=1) >= reach[:k] + reach[k]
-        taken[k] = (apart | ~taken[:k]).all()
-    return np.flatnonzero(taken)

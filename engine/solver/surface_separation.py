@@ -23,9 +23,10 @@ from . import (
     kernels_surface_separation,
     kernels_surface_trials,
 )
+from .changes_of_place import best_of_lanes
 from .footprint_tables import footprint_tables
 from .model import Model
-from .separation import PLACES_OF_JUMP, SKIN, TOLERANCE, ProposedPlaces, Separation, best_of_lanes
+from .separation import PLACES_OF_JUMP, SKIN, TOLERANCE, ProposedPlaces, Separation
 from .surface_contact import SLOTS_PER_BODY, levels_of
 from .surface_obstacles import outlines_among, spots_of_outlines
 from .surface_places import TilePlaces

@@ -18,7 +18,7 @@ def run(*arguments):
 
 
 def test_a_row_for_each_value():
-    found = run("separation.MOST_ROUNDS", "1", "--scenes", "jittered discs", "--bodies", "60", "--seeds", "1")
+    found = run("crowding.MOST_ROUNDS", "1", "--scenes", "jittered discs", "--bodies", "60", "--seeds", "1")
     assert found.returncode == 0, found.stderr
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in found.stdout.splitlines()[2:]]
     assert [row[0] for row in rows] == ["2500 (as it is)", "1"]

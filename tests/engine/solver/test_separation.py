@@ -19,9 +19,10 @@ from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
 from esh.engine.solve import solve
 from esh.engine.solver.body_flags import BodyFlags
+from esh.engine.solver.changes_of_place import best_of_lanes
 from esh.engine.solver.footprint_tables import numbered, ranked
 from esh.engine.solver.plane_separation import PlaneSeparation
-from esh.engine.solver.separation import Separation, best_of_lanes
+from esh.engine.solver.separation import Separation
 from esh.engine.solver.solver import Solver
 
 pytest.importorskip("shapely")
@@ -472,11 +473,11 @@ def test_the_room_of_a_class_counts_for_discs_boxes_and_lines(contact):
 
 def test_many_bodies_that_cannot_fit_take_few_rounds(monkeypatch):
     """What helps nobody is not done for ever: one that takes a second for a thousand bodies took minutes for a hundred thousand."""
-    from esh.engine.solver import separation
+    from esh.engine.solver import crowding, separation
 
     rounds = []
     monkeypatch.setattr(separation.Separation, "_move", lambda self: rounds.append(self._count))
-    monkeypatch.setattr(separation, "BODIES_OF_THE_HOPELESS", 20_000)
+    monkeypatch.setattr(crowding, "BODIES_OF_THE_HOPELESS", 20_000)
     for count, most in ((100, 150), (1_000, 20), (4_000, 15)):
         rounds.clear()
         with Solver(problem_of(Footprint.disc(0.5), count, 0.8 * math.sqrt(count * 0.7)), device="cpu") as solver:
@@ -504,7 +505,7 @@ def test_room_lies_around_outlines_wherever_their_origin_is(contact, room):
 
 def test_what_is_too_crowded_where_it_may_be_ends_after_one_try(monkeypatch):
     """Half of the domain is left, which the bodies cover to 95 %: they do not part, however long it is tried."""
-    from esh.engine.solver import separation
+    from esh.engine.solver import crowding, separation
 
     rounds = []
     move = separation.Separation._move
@@ -514,7 +515,7 @@ def test_what_is_too_crowded_where_it_may_be_ends_after_one_try(monkeypatch):
     side = math.sqrt(2.0 * 60 * PLANK.area / 0.95)
     placement = solve(problem_of(Footprints(PLANK, turn="random"), 60, side, left), device="cpu", max_steps=10)
     assert placement.report.overlaps > 0 and not placement.report.converged
-    assert 0 < len(rounds) <= separation.ROUNDS_OF_THE_TOO_CROWDED
+    assert 0 < len(rounds) <= crowding.ROUNDS_OF_THE_TOO_CROWDED
 
 
 @pytest.mark.parametrize("different", [1, 3, 40])
