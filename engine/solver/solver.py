@@ -17,31 +17,30 @@ from ..device.launcher import Launcher
 from ..device.profile import Profile
 from ..errors import ProblemError, Reason, Refusal
 from ..heat.heat_mesh import HeatMeshes
-from ..problem.cover import cover_of
 from ..problem.domain import Domain
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.surface import Surface
-from ..problem.validation import check_count, check_is, check_progress, show
-from ..space.density import move_into_support
+from ..problem.validation import check_count, check_is, check_progress
 from ..space.part import Part
 from .body_flags import BodyFlags, checked_flags
 from .carried_descent import carried_poses, carry_turns, go_on_from
 from .carried_lines import carry_lines
 from .carried_over import CarriedInPlane, CarriedOver
 from .choice_of_start import choose_start, number_of_starts
+from .convergence import LAST_STEPS, TOLERANCE, is_settled
 from .descent import Descent
 from .edit import EditInPlane, in_order
+from .given_places import checked_identities, checked_places, given_outlines, given_poses, lay_outlines
 from .identities_of_fixed import identities_of_fixed
 from .ink import with_widths
 from .looking import LOOKS_AWAY, angle_within, looks_at_point, somebody_looks
 from .memory import check_memory
 from .model import Model
 from .natural_border import STEPS_WITHIN, Kept, NaturalBorder, smoothing
-from .places_in_support import in_support
 from .plane_settling import settle_in_plane
 from .progress import Progress, is_stop
-from .rare_start import rare_starts
+from .rare_start import rare_starts, start_some
 from .spread import Spreading
 from .state import State
 from .state_arrays import StateArrays
@@ -57,20 +56,6 @@ from .surface_state import SurfaceState
 
 __all__ = ["Bookmark", "Edit", "Solver"]
 
-# RMS move over local spacing at which a run has converged: later steps change no figure of the report.
-TOLERANCE = 2e-4
-# What counts as converged where the steps run out: bodies want to move by less than half a hundredth of their spacing.
-SETTLED = 5e-3
-# The median over so many last steps tells, not one of them: one in fifty stands out, as some body has gone round an edge in it or
-# taken another's place.
-LAST_STEPS = 3
-# The same where outlines that keep apart cover more than this of their ground, or lie between obstacles: contact grants little of what
-# forces ask for there, and who gives way here presses elsewhere, so that points go on jostling by 0.004 to 0.015 of their spacing
-# however many steps are taken. Measured on planks, boxes and discs at 80 %, and on quads between triangles at 42 %; ten steps come to
-# 0.03 to 0.05. Planks at 70 % come to 0.001. Soft bodies ask for less: boxes, discs and triangles at 80 % come to 0.001 to 0.004,
-# after ten steps to 0.008 to 0.011, after five to 0.014 to 0.017.
-JOSTLED = 0.75
-SETTLED_WHERE_JOSTLED, SETTLED_WHERE_SOFT = 2e-2, 1e-2
 # What is said where numbers leave the range of float32 all the same.
 OVERFLOW = (
     "the forces between the bodies are no longer finite numbers: areas, lengths and `size_emphasis` lie too far apart; bring them "
@@ -179,7 +164,6 @@ class Solver:
                     problem = self._border.problem
                     check_memory(problem)
                     placed = Model(problem)
-                    # Of a few bodies the best of several starts is found; a state, or who pins bodies, says where they are.
                 rare = None
                 self.descent: Descent | SurfaceDescent
                 self._spreading = SpreadingOnSurface()
@@ -190,6 +174,7 @@ class Solver:
                     start = rare_start_on_surface(self.launcher, problem) if afresh else None
                     self.descent = SurfaceDescent(placed, self.launcher, start)
                 else:
+                    # Of a few bodies the best of several starts is found.
                     if afresh and number_of_starts(placed) < 2:
                         rare = rare_starts(self.launcher, problem)
                     self.descent = Descent(placed, self.launcher)
@@ -197,22 +182,10 @@ class Solver:
                     self.start_from(state)
                 elif rare is not None:
                     assert isinstance(self.descent, Descent)
-                    self._start_some(self.descent, rare)
+                    start_some(self.descent, rare)
         except BaseException:
             self.close()
             raise
-
-    def _start_some(self, descent: Descent, position: np.ndarray) -> None:
-        """Let bodies start at positions [m], shape ``[body_count, 2]``, but for those whose position is NaN."""
-        model, size = descent.model, descent.model.problem.rectangle.size
-        pose = descent.state.pose.numpy().copy()
-        known = ~np.isnan(position[:, 0])
-        for number in np.unique(model.body.support[known]):
-            own = np.flatnonzero(known & (model.body.support == number))
-            # Obstacles keep larger bodies off farther than where their class may be.
-            pose[own, :2] = move_into_support(model.supports[number], position[own], size) / model.unit
-        descent.state.pose.assign(pose)
-        descent.place_charges()
 
     def _cut(self) -> None:
         """Where the border is natural, let go of what was placed beyond it, and even out what that leaves along it."""
@@ -456,25 +429,16 @@ class Solver:
             ProblemError: Another number of bodies, a place that is no finite number or not on the surface, identities that are none.
         """
         self._check_open()
-        model, body = self.model, self.model.body
-        on_surface = isinstance(model.problem.domain, Surface)
-        axes = "x, y and z" if on_surface else "x and y"
-        position = np.asarray(position, np.float64)
-        fits = position.shape == (model.body_count, 2 + on_surface)
-        if not fits or not np.isfinite(position).all():
-            got = f"{show(position[~np.isfinite(position)][0])} among them" if fits else f"shape {list(position.shape)}"
-            raise ProblemError(f"`position` must hold {axes} of {model.body_count} bodies, all finite; got {got}")
+        model = self.model
+        position = checked_places(model, position)
         if identity is not None:
-            identity = np.where(model.fixed, body.identity, identity)
-            if (identity < 0).any() or (np.diff(np.sort(identity)) == 0).any():
-                raise ProblemError(
-                    "`identity` must be a whole number of 0 or more for every body that no other one has"
-                )
-            model.body = replace(body, identities=identity.astype(np.int32))
+            identity = checked_identities(model, identity)
+            model.body = replace(model.body, identities=identity)
             self._next_identity = int(identity.max()) + 1
-        self._take_outlines(variant, scale)
+        if variant is not None or scale is not None:
+            model.take_outlines(given_outlines(model, variant, scale))
         before = vars(self).get("descent")
-        if not on_surface:
+        if not isinstance(model.problem.domain, Surface):
             # Of those that are placed beyond a border, too, nothing is known here.
             self._start_in_rectangle(None if self._leave_beyond() else before, position, angle, length)
             return
@@ -493,50 +457,17 @@ class Solver:
 
         self.descent = SurfaceDescent(model, self.launcher, start)
 
-    def _take_outlines(self, variant: np.ndarray | None, scale: np.ndarray | None) -> None:
-        """Give bodies that are not fixed other variants of their outlines, as far as there are so many, and other scales."""
-        if variant is None and scale is None:
-            return
-        outlines, fixed = self.model.footprints, self.model.fixed
-        if variant is not None:
-            first = outlines.shape - outlines.variant
-            # Sizes have their shapes one after the other.
-            most = np.zeros(len(outlines.shapes) + 1, np.int64)
-            np.maximum.at(most, first, outlines.variant)
-            variant = np.where(fixed | (variant > most[first]), outlines.variant, variant).astype(np.int32)
-        else:
-            variant = outlines.variant
-        scale = outlines.factor if scale is None else np.where(fixed, outlines.factor, scale)
-        self.model.take_outlines(outlines.with_outlines(variant, scale))
-
     def _start_in_rectangle(
         self, before: Descent | None, position: np.ndarray, angle: np.ndarray | None, length: np.ndarray | None
     ) -> None:
         """See :meth:`start_at`."""
-        model, body = self.model, self.model.body
-        start = np.full((model.body_count, 4), np.nan)
-        # Where a density has become 0 since, nobody would find out of it.
-        start[:, :2] = in_support(model, position.copy()) / model.unit
-        start[model.fixed, :2] = model.problem.fixed.position / model.unit
-        is_line = body.kind >= 0
-        if angle is not None:
-            start[is_line, 2] = angle[is_line]
-            if before is not None:
-                start[is_line, 3] = before.state.pose.numpy()[is_line, 3]
-            if length is not None:
-                given = is_line & (length > 0.0)
-                start[given, 3] = length[given] / model.unit
+        pose = given_poses(self.model, position, angle, length, None if before is None else before.state)
         if before is not None:
             self._let_go(before)
-        self.descent = descent = Descent(model, self.launcher, pose=start)
+        self.descent = Descent(self.model, self.launcher, pose=pose)
         if angle is not None:
-            given = model.footprints.is_outline & ~is_line & ~model.fixed
-            turn = descent.state.turn.numpy().copy()
-            turn[given] = angle[given]
-            # A line's angle says how its outline lies.
-            turn[is_line & ~model.fixed] = 0.0
-            descent.state.turn.assign(turn)
-        descent.place_charges()
+            lay_outlines(self.descent, angle)
+        self.descent.place_charges()
 
     def step(self, count: int = 1) -> float:
         """Take steps; return the residual, see :class:`Progress`.
@@ -595,8 +526,7 @@ class Solver:
                 self.descent.correct_targets()
             elif rests:
                 return step, True
-        last = float(np.median(residuals))
-        return max_steps, step > 1 and (last < SETTLED or last < self._settled_in_contact)
+        return max_steps, step > 1 and is_settled(self.model, float(np.median(residuals)))
 
     def _corrections(self, max_steps: int) -> list[int]:
         """After which steps of a run the targets are corrected, in their order; sooner where bodies have come to rest."""
@@ -609,14 +539,6 @@ class Solver:
     def heat(self) -> HeatMeshes | None:
         """Meshes that heat spreads on, for a report to take again; None in the plane."""
         return self.descent.heat if isinstance(self.descent, SurfaceDescent) else None
-
-    @property
-    def _settled_in_contact(self) -> float:
-        """What counts as converged where bodies that keep apart cover so much ground that contact decides how far they move."""
-        problem = self.model.problem
-        if problem.avoid_overlap and (bool(problem.obstacles) or cover_of(problem).covered > JOSTLED):
-            return SETTLED_WHERE_JOSTLED if problem.obstacles or self.model.may_tangle else SETTLED_WHERE_SOFT
-        return SETTLED
 
     def choose_start(self, max_steps: int, progress: Callable[[Progress], bool | None] | None = None) -> int:
         """Of a few bodies, go to where the least energy is reached from within ``max_steps``; see :mod:`.choice_of_start`.

@@ -212,7 +212,8 @@ OF_SCRIPTS = {
     "solver/solver.py Solver.__getattr__": 1,
     "solver/solver.py Solver._check_open": 1,
     "solver/solver.py Solver.edit": 2,
-    "solver/solver.py Solver.start_at": 2,
+    "solver/given_places.py checked_places": 1,
+    "solver/given_places.py checked_identities": 1,
     "solver/body_flags.py checked_flags": 1,
     "solver/state_arrays.py StateArrays.check": 1,
 }
