@@ -18,6 +18,7 @@ from ...engine.quality.measurement import measure
 from ...engine.solver.solver import Bookmark, Solver
 from ..classes.survey import Survey
 from ..result.words import EVEN, unevenness
+from .earlier_results import MOST_BODIES_EARLIER, EarlierResult, EarlierResults
 from .strokes import Stroke
 
 if TYPE_CHECKING:
@@ -28,8 +29,6 @@ __all__ = ["LiveWorker", "Outcome", "Request"]
 
 # What looks uneven after the few steps of an edit, and so many times as uneven as it was, takes as many steps as a run.
 MUCH_LESS_EVEN = 2.0
-# Results that undo can go back to without anything being set up anew, and how many objects they have together at most.
-MOST_EARLIER, MOST_BODIES_EARLIER = 4, 100_000
 # Seconds that the thread rests at most before whoever asked for it comes back, and after which it looks again.
 LONGEST_REST, A_REST = 0.2, 0.05
 
@@ -84,14 +83,6 @@ class _DroppedError(Exception):
     """Raised in what nobody waits for any more: a report, or anything once the worker is to end."""
 
 
-class _Earlier(NamedTuple):
-    """A job that was shown, and where the solver goes back to for going on from there."""
-
-    job: ScatterJob
-    bookmark: Bookmark
-    unevenness: float
-
-
 class _Beginning(NamedTuple):
     """What bodies were placed with when a stroke began, and where the solver goes back to for following it as one."""
 
@@ -120,7 +111,7 @@ class LiveWorker:
         self._made: ScatterJob | None = None
         # The job that was shown last, if nothing has moved since; and those before it.
         self._shown: ScatterJob | None = None
-        self._earlier: list[_Earlier] = []
+        self._earlier = EarlierResults()
         # Where a stroke began.
         self._beginning: _Beginning | None = None
         # Steps of an edit that a solver began with.
@@ -319,24 +310,14 @@ class LiveWorker:
             self._solver.drop(self._beginning.bookmark)
         self._beginning = None
 
-    def _remember(self, wanted: _Earlier | None = None) -> None:
-        """Let undo come back to what was shown last; what is too much is forgotten, the oldest first, but nothing that is wanted."""
-        if self._solver is None or self._shown is None or any(one.job is self._shown for one in self._earlier):
-            return
-        self._earlier.append(_Earlier(self._shown, self._solver.bookmark(), self._unevenness))
-        for oldest in self._earlier.copy():
-            if len(self._earlier) <= MOST_EARLIER and self._bodies_earlier() <= MOST_BODIES_EARLIER:
-                break
-            if oldest is not wanted:
-                self._earlier.remove(oldest)
-                self._solver.drop(oldest.bookmark)
-
-    def _bodies_earlier(self) -> int:
-        return sum(one.bookmark.model.body_count for one in self._earlier)
+    def _remember(self, wanted: EarlierResult | None = None) -> None:
+        """Let undo come back to what was shown last, with as much of what was before as there is room for, and all that is wanted."""
+        if self._solver is not None and self._shown is not None:
+            self._earlier.remember(self._solver, self._shown, self._unevenness, wanted=wanted)
 
     def _goes_back(self, request: Request) -> bool:
         """Go back to the job that has placed bodies where they are, if that can be gone on from; tell whether it is so."""
-        earlier = next((one for one in self._earlier if one.job is request.back_to), None)
+        earlier = self._earlier.of(request.back_to)
         is_there = request.back_to is not None and request.back_to is self._shown
         if self._solver is None or request.anew or not (earlier or is_there):
             return False
@@ -345,8 +326,7 @@ class LiveWorker:
         if earlier is not None and not is_there:
             # Redo may come back to what is there now.
             self._remember(earlier)
-            self._earlier.remove(earlier)
-            self._earlier.append(earlier._replace(job=request.job) if request.again else earlier)
+            self._earlier.renew(earlier, request.job if request.again else earlier.job)
             self._solver.go_back(earlier.bookmark)
             self._unevenness = earlier.unevenness
         # What is shown once more is known by the job that shows it.

@@ -985,7 +985,7 @@ def test_undo_goes_back_to_the_solver_of_that_time(scatter, follow, monkeypatch,
 
 
 def test_only_so_many_results_are_there_to_go_back_to(scatter, follow, monkeypatch):
-    from esh.esh_scatter.solving import live_worker
+    from esh.esh_scatter.solving import earlier_results
 
     switch_on(scatter, follow)
     (one,) = live._followed.values()
@@ -993,8 +993,8 @@ def test_only_so_many_results_are_there_to_go_back_to(scatter, follow, monkeypat
         scatter.classes["Pine"].sizes[0].count = count
         follow()
     worker = one._worker
-    assert len(worker._earlier) == live_worker.MOST_EARLIER == len(worker._solver._bookmarks)
-    monkeypatch.setattr(live_worker, "MOST_BODIES_EARLIER", 1000)
+    assert len(worker._earlier) == earlier_results.MOST_EARLIER == len(worker._solver._bookmarks)
+    monkeypatch.setattr(earlier_results, "MOST_BODIES_EARLIER", 1000)
     scatter.classes["Pine"].sizes[0].count = 200
     follow()
     assert len(worker._earlier) == 2 == len(worker._solver._bookmarks)
