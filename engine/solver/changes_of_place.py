@@ -10,7 +10,8 @@ import warp as wp
 
 from ..device.launcher import Launcher
 from . import kernels_trials
-from .footprint_tables import numbered
+from .body_flags import BodyFlags
+from .footprint_tables import FootprintTables, numbered
 from .model import Model
 
 __all__ = ["Traders", "alone", "best_of_lanes", "compatible", "find_traders"]
@@ -33,29 +34,17 @@ class Traders(NamedTuple):
     reach: float
 
 
-def find_traders(
-    model: Model,
-    launcher: Launcher,
-    order: np.ndarray,
-    *,
-    area: np.ndarray,
-    reach: np.ndarray,
-    is_round: np.ndarray,
-    pinned: np.ndarray,
-) -> Traders:
+def find_traders(model: Model, launcher: Launcher, tables: FootprintTables, order: np.ndarray) -> Traders:
     """Find bodies that may trade places: of one class and size, of like areas, and not all the same disc.
 
     Args:
         model: What was placed.
         launcher: Where to run.
-        order: In which order bodies lie in space: their numbers in the model, shape ``[n]``. All others have the model's order.
-        area: Areas of their outlines [m²], shape ``[n]``.
-        reach: Distances of their farthest points from their positions [m], shape ``[n]``.
-        is_round: Which of them look the same however they are turned, shape ``[n]``.
-        pinned: Which of them do not move, shape ``[n]``.
+        tables: The bodies' outlines; what stands behind these among the bodies trades with nobody.
+        order: In which order bodies lie in space: their numbers in the model, shape ``[n]``.
     """
-    body = model.body
-    may = ~pinned & (body.kind < 0)
+    body, area, is_round = model.body, tables.area[: len(order)], tables.is_round[: len(order)]
+    may = ((body.flags & BodyFlags.PINNED) == 0) & (body.kind < 0)
     if not (may & ~is_round).any():
         bin_of, members, start = np.zeros(len(may), np.int64), np.zeros(0, np.int64), np.zeros(2, np.int64)
         may_trade = np.zeros(len(may), bool)
@@ -77,7 +66,7 @@ def find_traders(
     bins.member = wp.array(
         (members if len(members) else np.zeros(1)).astype(np.int32), dtype=wp.int32, device=launcher.device
     )
-    return Traders(bins, may_trade, 2.0 * float(reach[order][members].max(initial=0.0)) / model.unit)
+    return Traders(bins, may_trade, 2.0 * float(tables.reach[order][members].max(initial=0.0)) / model.unit)
 
 
 def compatible(cell: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:

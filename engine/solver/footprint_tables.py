@@ -42,6 +42,12 @@ class FootprintTables:
     area: np.ndarray
     inertia: np.ndarray
 
+    @property
+    def is_round(self) -> np.ndarray:
+        """Which bodies look the same however they are turned about their positions, shape ``[n]``."""
+        of_shapes = (np.diff(self.start) == 1) & (np.hypot(*self.corners[self.start[:-1], :2].T) == 0.0)
+        return of_shapes[self.shape]
+
     def followed_by(
         self,
         outlines: Sequence[Footprint],

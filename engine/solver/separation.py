@@ -190,8 +190,7 @@ class Separation(ABC):
         # Bodies that were caught in gaps at the last pass; 0 where no other follows.
         self._caught = 0.0
         mass = tables.area / tables.area.mean()
-        is_round = (np.diff(tables.start) == 1) & (np.hypot(*tables.corners[tables.start[:-1], :2].T) == 0.0)
-        is_round = is_round[tables.shape]
+        is_round = tables.is_round
         lightness = np.where(pinned, 0.0, 1.0 / mass)
         ease = np.where(
             pinned | ~free | is_round, 0.0, tables.area * unit**2 / (mass * np.maximum(tables.inertia, 1e-300))
@@ -218,15 +217,7 @@ class Separation(ABC):
         self._rows = self._fixed and np.count_nonzero(kept) > 1
         self._kept = launcher.array(kept[everything].astype(np.int32), wp.int32)
         self._in_row = launcher.zeros(n, wp.int32)
-        self._traders = find_traders(
-            model,
-            launcher,
-            order,
-            area=tables.area[: len(order)],
-            reach=tables.reach,
-            is_round=is_round[: len(order)],
-            pinned=pinned[: len(order)],
-        )
+        self._traders = find_traders(model, launcher, tables, order)
         self._settings = wp.zeros(6, dtype=float, device=launcher.device)
         self._deep, self._touching = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
         self._cost = launcher.zeros(n, float)
