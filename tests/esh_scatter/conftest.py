@@ -21,6 +21,18 @@ def empty_file() -> Iterator[None]:
 
 
 @pytest.fixture
+def live_file(empty_file: None) -> Iterator[None]:
+    """The same for tests of Live, of which nothing is left once the extension is unregistered."""
+    from esh.esh_scatter import registration
+    from esh.esh_scatter.solving import live
+
+    yield
+    registration.unregister()
+    assert not live._followed and not any(hook in handlers for handlers, hook in live._hooks())
+    registration.register()
+
+
+@pytest.fixture
 def bare_file() -> None:
     """An empty file, without the extension."""
     pytest.importorskip("bpy").ops.wm.read_homefile(use_empty=True)
