@@ -25,7 +25,7 @@ from ..result.scene_units import sentence
 from ..targets.target import members_of
 from .classes_from import ClassesFromObjects
 from .edit import ClassEdit, Edit, ground_in, stood_on
-from .run import ScatterObjects
+from .scatter_objects import ScatterObjects
 
 __all__ = ["CLASSES", "SHELF"]
 
