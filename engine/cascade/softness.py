@@ -69,7 +69,7 @@ class Softness(NamedTuple):
     following: Following | None = None
 
 
-def near_force(squared: np.ndarray, width: float = 0.0) -> np.ndarray:
+def near_force(squared: np.ndarray, width: float) -> np.ndarray:
     """Distance times force of the near part between two charges: that of -log r, blurred, less all octaves that go to nodes.
 
     Args:

@@ -44,7 +44,7 @@ class Profile:
             self._python[name] += spent - self._inner
             self._inner = before + spent
 
-    def add_ticks(self, name: str, busy: int, wall: int, *, within: bool, alone: bool = False) -> None:
+    def add_ticks(self, name: str, busy: int, wall: int, *, within: bool, alone: bool) -> None:
         """Add what kernels of a phase took: ``within`` a block of :meth:`phase`, or else by themselves; ``alone`` on one thread."""
         self._python.setdefault(name, 0.0)
         if alone:

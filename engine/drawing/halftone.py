@@ -68,11 +68,11 @@ def render_halftone(
     return result
 
 
-def ink_coverage(placement: Placement, *, pixels_per_metre: float, chosen: np.ndarray | None = None) -> np.ndarray:
+def ink_coverage(placement: Placement, *, pixels_per_metre: float) -> np.ndarray:
     """Where which ink lies: truth values, shape ``[classes, height, width]``, one sample per pixel, row 0 at the top."""
     shape = _picture_shape(placement, pixels_per_metre, 1)
     result = np.zeros((len(placement.problem.classes), *shape), dtype=bool)
-    inks = [_strokes(placement, c, chosen) for c in range(len(result))]
+    inks = [_strokes(placement, c, None) for c in range(len(result))]
     for rows in _row_bands(shape, 1):
         for c, strokes in enumerate(inks):
             result[c, rows] = _mask(strokes, _Samples(placement.problem.rectangle.size, shape, 1, rows))

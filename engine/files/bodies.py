@@ -389,7 +389,7 @@ def bodies_from_columns(columns: Mapping[str, Any], names: Mapping[str, Any], so
     )
 
 
-def _column(columns: Mapping[str, Any], source: str, key: str, default: float, dtype: type = np.float64) -> np.ndarray:
+def _column(columns: Mapping[str, Any], source: str, key: str, default: float) -> np.ndarray:
     """A column of a table, or its default for every body."""
     count = len(columns["x"])
     try:
@@ -400,7 +400,7 @@ def _column(columns: Mapping[str, Any], source: str, key: str, default: float, d
         raise InputFileError(f"{source}: column {key} must hold one number per body, {count}; got {values.shape}")
     if key not in ("area", "scale") and not np.isfinite(values).all():
         raise InputFileError(f"{source}: column {key} must hold finite numbers")
-    return values.astype(dtype)
+    return values
 
 
 def _rotation(columns: Mapping[str, Any], source: str) -> np.ndarray:

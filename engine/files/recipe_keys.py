@@ -52,12 +52,10 @@ class Key(NamedTuple):
     write: Callable[[Any, NameArray], dict[str, Any]]
 
 
-def keys_of(cls: Any, *, leave: tuple[str, ...] = ()) -> tuple[str, ...]:
-    """Return the keys that the settings of a class stand under, less those that are left out."""
+def keys_of(cls: Any) -> tuple[str, ...]:
+    """Return the keys that the settings of a class stand under."""
     names: list[str] = []
     for name in settings_of(cls):
-        if name in leave:
-            continue
         special = SPECIAL.get((cls, name))
         names.extend(special.names if special else [name])
     return tuple(names)

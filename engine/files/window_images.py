@@ -72,7 +72,7 @@ class WindowImage:
         return values
 
 
-def open_window_image(path: str | Path, invert: bool = False) -> WindowImage:
+def open_window_image(path: str | Path, invert: bool) -> WindowImage:
     """Open a density that is read window by window.
 
     Args:

@@ -36,7 +36,7 @@ class WindowedRecipe:
     georeference: tuple[Georeference, tuple[int, int]] | None
 
 
-def read_windowed_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = None) -> WindowedRecipe:
+def read_windowed_recipe(path: str | Path | ParsedRecipe, *, seed: int | None) -> WindowedRecipe:
     """Read a recipe; see :func:`~.recipe.read_recipe`.
 
     Densities that are ``.npy`` or GeoTIFF files are opened and not read, unless the class needs to know all of one: for sharpening,

@@ -56,7 +56,7 @@ def is_long(outline: Footprint) -> bool:
     return elongation_of(outline) > LONG
 
 
-def packable_share(sizes: Sequence[Size], room: float = 1.0, gap: float = 0.0) -> float:
+def packable_share(sizes: Sequence[Size], room: float, gap: float) -> float:
     """Share of the ground that bodies of these sizes can cover without overlap, about, by the shares that sizes have.
 
     Args:

@@ -105,7 +105,7 @@ def check_density(value: object, key: str) -> np.ndarray | SurfaceDensity:
     return validation.check_density(value, key)
 
 
-def density_at(density: SurfaceDensity | None, points: PointsOnSurface, key: str = "`density`") -> np.ndarray:
+def density_at(density: SurfaceDensity | None, points: PointsOnSurface, key: str) -> np.ndarray:
     """Values of a density at points, shape ``[n]``, float64; None is uniform.
 
     Raises:

@@ -162,17 +162,15 @@ def check_non_overlap(value: object, key: str = "`balance.non_overlap`") -> np.n
     return matrix
 
 
-def check_class_matrix(
-    matrix: np.ndarray, class_separation: float, key: str = "`balance.non_overlap`", lower: str = "`class_separation`"
-) -> None:
+def check_class_matrix(matrix: np.ndarray, class_separation: float, key: str) -> None:
     """Raise ProblemError unless (1 - class_separation) identity + class_separation matrix has no negative eigenvalue."""
     smallest = float(np.linalg.eigvalsh(matrix)[0])
     eigenvalue = 1.0 - class_separation + class_separation * smallest
     if eigenvalue < -1e-9:
         most = math.floor(1e3 / (1.0 - smallest)) / 1e3
         raise ProblemError(
-            f"{key} cannot be combined with {lower} {class_separation:g}, because their interaction matrix would have the "
-            f"eigenvalue {eigenvalue:.3g}, which is below 0; lower {lower} to {most:g} or less",
+            f"{key} cannot be combined with `class_separation` {class_separation:g}, because their interaction matrix would have the "
+            f"eigenvalue {eigenvalue:.3g}, which is below 0; lower `class_separation` to {most:g} or less",
             Refusal(Reason.MIXED_TOO_MUCH, class_separation, most),
         )
 

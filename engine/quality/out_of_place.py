@@ -46,7 +46,7 @@ class OutOfPlace:
     farthest: float = 0.0
 
 
-def out_of_place(placement: Placement, launcher: Launcher, footprints: BodyFootprints | None = None) -> OutOfPlace:
+def out_of_place(placement: Placement, launcher: Launcher, footprints: BodyFootprints | None) -> OutOfPlace:
     """Return what of a placement in a rectangle lies where it may not, where footprints are to keep apart.
 
     Where they may overlap only the middles of bodies keep off obstacles, which they do whatever happens. ``footprints`` are the

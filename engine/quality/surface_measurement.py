@@ -62,7 +62,7 @@ class SurfaceFigures(NamedTuple):
     excess: Callable[[int], float]
 
 
-def measure_on_surface(placement: Placement, launcher: Launcher, meshes: HeatMeshes | None = None) -> SurfaceFigures:
+def measure_on_surface(placement: Placement, launcher: Launcher, meshes: HeatMeshes | None) -> SurfaceFigures:
     """Measure a placement on a surface, by meshes that heat spreads on if there are any."""
     problem, surface = placement.problem, placement.problem.domain
     assert isinstance(surface, Surface)

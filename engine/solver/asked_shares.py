@@ -34,7 +34,7 @@ def cells_for(count: int, *images: np.ndarray, part: Part | None = None) -> int:
     return 1 << min(max(order, SMALLEST_ORDER), LARGEST_ORDER)
 
 
-def asked_share(launcher: Launcher, model: Model, class_index: int, cells: int, part: Part | None = None) -> wp.array:
+def asked_share(launcher: Launcher, model: Model, class_index: int, cells: int, part: Part | None) -> wp.array:
     """Share of a class's bodies that are to be placed in every cell, flat, row 0 at the bottom; the sum is 1.
 
     These are cells of the domain, or of a part, where nobody is fixed.

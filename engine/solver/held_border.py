@@ -36,7 +36,7 @@ LEAST = 1e-4
 
 
 def shares_of_forces(
-    launcher: Launcher, model: Model, layout: MeshLayout, spacing: np.ndarray, stirred: np.ndarray | None = None
+    launcher: Launcher, model: Model, layout: MeshLayout, spacing: np.ndarray, stirred: np.ndarray | None
 ) -> wp.array:
     """How much of the forces counts at the nodes of a mesh, flat, one group after the other.
 

@@ -53,7 +53,7 @@ def box_integrals(image: np.ndarray, shape: tuple[int, int], part: Part | None =
     return result / result.sum()
 
 
-def overlap_bands(image_shape: tuple[int, ...], shape: tuple[int, int], part: Part | None = None) -> list[Band]:
+def overlap_bands(image_shape: tuple[int, ...], shape: tuple[int, int], part: Part | None) -> list[Band]:
     """Weights of an image's pixels in the cells of a grid along y and along x, bottom first; see :func:`box_integrals`."""
     if part is None:
         return [_overlap_band(cells, pixels) for cells, pixels in zip(shape, image_shape, strict=True)]

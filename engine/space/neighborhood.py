@@ -15,7 +15,6 @@ from ..device.launcher import Launcher
 from . import kernels_neighborhood
 from .cell_sort import CellSort
 from .kernels_meeting import Meeting
-from .meeting import meeting_of
 from .space import Space
 
 __all__ = ["Neighborhood"]
@@ -33,7 +32,7 @@ class Neighborhood:
         radius: Of every body's disc, or half the thickness of its capsule, shape ``[n]``.
         half_length: Half the longest axis that it may have, shape ``[n]``.
         mass: Of every body, shape ``[n]``; infinite for one that others cannot push.
-        meeting: Which of them keep apart; None where all do.
+        meeting: Which of them keep apart.
 
     Attributes:
         footprints: Level, radius and mass of every body, on the device.
@@ -47,7 +46,7 @@ class Neighborhood:
         radius: np.ndarray,
         half_length: np.ndarray,
         mass: np.ndarray,
-        meeting: Meeting | None = None,
+        meeting: Meeting,
     ) -> None:
         self.launcher = launcher
         n = len(radius)
@@ -71,7 +70,7 @@ class Neighborhood:
         footprints.level = launcher.own_array(level, wp.int32)
         footprints.radius = launcher.own_array(radius, float)
         footprints.mass = launcher.array(mass / mass[np.isfinite(mass)].mean(), float)
-        footprints.meeting = meeting or meeting_of(launcher, None, None)
+        footprints.meeting = meeting
         self.footprints = footprints
         self.body_count = n
         self._cells = CellSort(launcher, n, int(first[-1]), spread=True)

@@ -135,7 +135,7 @@ class Plan:
     rare: tuple[int, ...]
 
 
-def read_tiled_recipe(recipe: str | Path, seed: int | None = None) -> WindowedRecipe:
+def read_tiled_recipe(recipe: str | Path, seed: int | None) -> WindowedRecipe:
     """Read a recipe that is to be solved in tiles.
 
     Raises:

@@ -88,8 +88,8 @@ def source_instance(
     tree: Tree,
     source: bpy.types.Object | bpy.types.Collection | Socket,
     *,
-    empty: bool = False,
-    head: bpy.types.Object | None = None,
+    empty: bool,
+    head: bpy.types.Object | None,
 ) -> Socket:
     """Add the nodes that give an object, or a collection as one, as an instance around its origin; see :func:`as_it_stands`.
 

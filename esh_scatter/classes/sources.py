@@ -194,7 +194,7 @@ def measure_size(
     source: SizeSource,
     direction: str | float | np.ndarray | SurfaceDirection,
     survey: Survey,
-    scale: float = 1.0,
+    scale: float,
 ) -> SizeShape:
     """Measure the outlines that are needed, and decide whether the bodies are dots or lines; all of them larger by ``scale``."""
     area = source.area
@@ -292,7 +292,7 @@ def disc_of_area(area: float, *, leans: bool) -> Footprint:
     return Footprint.polygon(around * np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
 
-def engine_size(size: ScatterSize, shape: SizeShape, scale_jitter: float = 0.0) -> Size:
+def engine_size(size: ScatterSize, shape: SizeShape, scale_jitter: float) -> Size:
     """Return a size as the engine is asked for it, without the outlines of its bodies, whose scales vary so much."""
     area = shape.area
     if shape.outlines_of_variants and not isinstance(area, tuple):

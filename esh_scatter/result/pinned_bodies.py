@@ -135,7 +135,7 @@ def read_pins(
     names: str,
     sizes: Sequence[Sequence[str]],
     numbers: Sequence[int | None],
-    others: Sequence[bpy.types.Object] = (),
+    others: Sequence[bpy.types.Object],
 ) -> Pins | None:
     """Return what stays of a result in the next run. Only the main thread may call this.
 
