@@ -10,6 +10,7 @@ import bpy
 from ..properties.described import shown_settings
 from ..properties.scene import active_scatter
 from ..result import words
+from ..result.display import input_property
 from ..result.scene_units import in_scene_units
 from ..solving import running
 
@@ -18,6 +19,7 @@ __all__ = [
     "SubPanel",
     "cut_in_middle",
     "draw_image",
+    "draw_inputs",
     "draw_list",
     "draw_property",
     "draw_settings",
@@ -181,6 +183,14 @@ def draw_settings(
     for shown in shown_settings(cls, by_hand):
         if not shown.switch or getattr(group, shown.switch):
             draw_property(context, layout, group, shown.name, slider=shown.slider)
+
+
+def draw_inputs(column: bpy.types.UILayout, modifier: bpy.types.Modifier, names: Collection[str]) -> None:
+    """Draw inputs of a result's modifier, as far as it has them."""
+    for name in names:
+        found = input_property(modifier, name)
+        if found is not None:
+            column.prop(*found, text=name, translate=False)
 
 
 def draw_list(

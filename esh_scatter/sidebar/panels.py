@@ -1,46 +1,38 @@
 """The sidebar tab: the panels of a scatter."""
 
-from collections.abc import Collection
-from typing import Any
-
 import bpy
 
 from ...engine.problem.balance import Balance
 from ...engine.problem.problem import SamplingSettings
 from ...engine.problem.scatter_settings import BorderSettings, RunSettings, TargetSettings
 from ..editing import forecast
-from ..editing.copied_results import copied_from
 from ..properties.asked_once import asked_once
-from ..properties.kept_settings import kept_of
 from ..properties.scatter import BY_HAND, ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
-from ..result import real_objects, words
-from ..result.display import followed_targets, get_inputs, input_property, is_in_world, our_modifier
+from ..result import real_objects
+from ..result.display import followed_targets, get_inputs, input_property, our_modifier
 from ..result.edited_points import can_leave_edit_mode
 from ..result.local_views import is_left_out
-from ..result.node_group_contents import target_inputs
-from ..result.refused import NOT_SEEN
-from ..result.result import find_result, is_shared
 from ..solving import live, loading, running
 from ..solving.redrawing import redraw_later
 from ..targets import checksums
 from ..targets.bending import bends_alone_in_renders
-from ..targets.in_scenes import is_in
-from ..targets.target import is_result
 from . import class_panels, report_panel
 from .density_panel import is_painted
+from .foreign_results import draw_foreign
 from .panel_parts import (
     Panel,
     SubPanel,
+    draw_inputs,
     draw_list,
     draw_property,
     draw_settings,
-    fits_line,
     is_narrow,
     text_of_field,
     write_text,
 )
 from .preset_pictures import draw_pictures
+from .status import draw_status
 
 __all__ = ["CLASSES"]
 
@@ -79,7 +71,7 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
                 # The first run adds its scatter when it ends.
                 _draw_progress(layout)
                 return
-            _draw_foreign(context, layout.column())
+            draw_foreign(context, layout.column())
             _draw_beginning(context, layout.column())
             return
         top = layout.column()
@@ -120,14 +112,14 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
             # The layer has that button, too, but often below the lower edge of the window.
             layout.operator("object.mode_set", text="Done Painting", icon="CHECKMARK", translate=False).mode = "OBJECT"
         with asked_once():
-            _draw_status(context, layout.column(align=True), scatter)
+            draw_status(context, layout.column(align=True), scatter)
         if result is not None and real_objects.real_objects_of(result) is not None:
             _draw_real(context, layout.column(align=True), "The instances are real objects now")
         elif result is not None and is_left_out(result, context):
             write_text(context, layout, "The result is not in this local view; View > Local View ends it", icon="INFO")
         elif result is not None:
             _draw_bending(context, layout, result)
-        _draw_foreign(context, layout.column())
+        draw_foreign(context, layout.column())
         if checksums.is_old():
             redraw_later()
 
@@ -278,13 +270,13 @@ class ESH_PT_display(SubPanel, bpy.types.Panel):
         result = scatter.result_in(context.scene)
         modifier = our_modifier(result) if result is not None else None
         if modifier is not None:
-            _draw_inputs(column, modifier, ("Display", "Share", "Scale", "Follow"))
+            draw_inputs(column, modifier, ("Display", "Share", "Scale", "Follow"))
             column.separator()
             culling = input_property(modifier, "Culling")
-            _draw_inputs(column, modifier, ("Culling",))
+            draw_inputs(column, modifier, ("Culling",))
             if culling and get_inputs(modifier)["Culling"]:
-                _draw_inputs(column, modifier, ("Margin", "Distance"))
-            _draw_inputs(column, modifier, ("In Renders",))
+                draw_inputs(column, modifier, ("Margin", "Distance"))
+            draw_inputs(column, modifier, ("In Renders",))
             column.separator()
         column.prop(scatter, "points_above")
         column.prop(scatter, "cap")
@@ -343,23 +335,6 @@ def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> N
     column.operator("esh.example", icon="OUTLINER_OB_POINTCLOUD")
 
 
-def _draw_foreign(context: bpy.types.Context, column: bpy.types.UILayout) -> None:
-    """Say of an active result that is no scatter's of the scene whose copy it is, or where its settings are."""
-    item, scatters = context.view_layer.objects.active, context.scene.esh_scatter.scatters
-    if item is None or not is_result(item) or any(scatter.result == item for scatter in scatters):
-        return
-    scatter = copied_from(context)
-    if scatter is not None:
-        _draw_copy(context, column, item, scatter)
-    elif kept_of(item) is not None:
-        said = f'"{item.name}" belongs to no scatter of this scene, but has the settings of its last run with it'
-        write_text(context, column, said, icon="INFO")
-        column.operator("esh.scatter_of_copy", icon="DUPLICATE")
-    else:
-        write_text(context, column, _where_settings_are(item), icon="INFO")
-    column.separator()
-
-
 def _draw_bending(context: bpy.types.Context, layout: bpy.types.UILayout, result: bpy.types.Object) -> None:
     """Say of a target that bends, but in renders without what stands on it, what to do about that."""
     modifier = our_modifier(result)
@@ -370,34 +345,6 @@ def _draw_bending(context: bpy.types.Context, layout: bpy.types.UILayout, result
         if one.target is not None and bends_alone_in_renders(one.target, context.scene.render, placed_at):
             said = f'In renders "{one.target.name}" bends without its objects, since it is subdivided to another level there'
             write_text(context, layout.column(), f"{said}. Give both levels the same number", icon="INFO")
-
-
-def _draw_copy(
-    context: bpy.types.Context, column: bpy.types.UILayout, item: bpy.types.Object, scatter: ESH_PG_scatter
-) -> None:
-    """Say of a copy of a scatter's result that runs do not change it, and let it be moved; or that the next run takes it."""
-    original, modifier = scatter.result_in(context.scene), our_modifier(item)
-    if original is None and find_result(context.scene, scatter.chosen_target, scatter.name) == item:
-        text = f'"{item.name}" is a copy of the result that is no longer there. Scatter takes it in its place'
-        write_text(context, column, text, icon="INFO")
-        return
-    said = f'"{item.name}" is a copy of what "{scatter.name}" has placed. Update leaves it as it is'
-    write_text(context, column, said, icon="INFO")
-    column.operator("esh.scatter_of_copy", icon="DUPLICATE")
-    if modifier is not None:
-        ground = next((one.target for one in followed_targets(modifier) if one.target is not None), None)
-        if ground is not None and is_in_world(item):
-            write_text(context, column, f'It goes with "{ground.name}". Switch Follow off to move it by itself')
-        _draw_inputs(column, modifier, ("Follow", *target_inputs(1)))
-
-
-def _where_settings_are(item: bpy.types.Object) -> str:
-    """Say of a result that is no scatter's of its scene where its settings are, as far as that is known."""
-    said = f'"{item.name}" belongs to no scatter of this scene'
-    for scene in bpy.data.scenes:
-        if any(scatter.result == item for scatter in scene.esh_scatter.scatters):
-            return f'{said}. Its settings are in the scene "{scene.name}"'
-    return f"{said}. If it is of another file, its settings are there: append that scene, or import a preset of it"
 
 
 def _draw_active_scatter(context: bpy.types.Context, row: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
@@ -412,105 +359,10 @@ def _draw_active_scatter(context: bpy.types.Context, row: bpy.types.UILayout, sc
     row.operator("esh.scatter_remove", text="", icon="REMOVE")
 
 
-def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
-    """Say what is missing, what has changed since the last run, or how that went."""
-    obstacle = scatter.obstacle(context.scene)
-    if obstacle:
-        if obstacle != NOT_SEEN:
-            write_text(context, column, obstacle, icon="INFO")
-            return
-        # What to do about it is a button.
-        write_text(context, column, obstacle.partition(":")[0], icon="INFO")
-        row = column.row()
-        row.use_property_split = False
-        row.prop_enum(scatter, "surface", "WHOLE")
-        return
-    report = scatter.report
-    follows = live.is_busy(context.scene, scatter)
-    # The dearest part of drawing: made once.
-    record = scatter.record()
-    if report is not None and scatter.result_in(context.scene) is None:
-        write_text(context, column, _why_no_result(context.scene, scatter), icon="INFO")
-    elif report is not None:
-        changes = scatter.changes(record)
-        if changes and follows:
-            write_text(context, column, "Following …", icon="FILE_REFRESH")
-        elif changes:
-            more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
-            write_text(context, column, f"Changed: {', '.join(changes[:3])}{more}", icon="FILE_REFRESH")
-        else:
-            # One line, which the panel does not jump by when a run ends: the seconds are in the report, too.
-            seconds = fits_line(context, words.summary(report))
-            text = words.summary(report, words.UNBROKEN, seconds=seconds)
-            write_text(context, column, text, icon="ERROR" if words.has_trouble(report) else "CHECKMARK")
-            if report.get(words.HELD):
-                write_text(context, column, report[words.HELD], icon="INFO")
-            _draw_deleted(context, column, scatter, words.placed(report))
-            _draw_later(context, column, scatter)
-    said = live.status(context.scene, scatter)
-    if said and context.mode.startswith("PAINT"):
-        # Before the first stroke there is nothing yet, and that is no mistake.
-        write_text(context, column, words.behind_rule(said), icon="INFO")
-    elif said:
-        write_text(context, column, said, icon="ERROR")
-    # Where all found room, nothing was unavoidable. What Live follows, it will say soon: a forecast would only hold it up.
-    if not follows and (report is None or scatter.changes(record) or words.has_trouble(report)):
-        _draw_forecast(context, column, scatter, record)
-    left_out = scatter.left_out()
-    if left_out:
-        more = f" (and {len(left_out) - 1} more)" if len(left_out) > 1 else ""
-        write_text(context, column, f"{left_out[0]}{more}", icon="ERROR")
-    if muted := scatter.muted():
-        write_text(context, column, muted, icon="MUTE_IPO_ON")
-
-
-def _draw_deleted(context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter, placed: int) -> None:
-    """Say of points that were deleted by Blender's own means, of as many as were placed, what becomes of them."""
-    mesh = scatter.result.data
-    gone = placed - len(mesh.vertices) if isinstance(mesh, bpy.types.Mesh) else 0
-    if gone > 0:
-        what = (
-            f"{gone:,} objects were deleted: Update puts them" if gone > 1 else "1 object was deleted: Update puts it"
-        )
-        write_text(context, column, f"{what} back. Remove (Instances) keeps places free", icon="INFO")
-
-
-def _draw_later(context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
-    """Say which later scatters stand where this one has placed objects since, and offer to have them make room."""
-    later = scatter.later_in_the_way()
-    if later:
-        write_text(context, column, words.in_the_way([other.name for other in later]), icon="INFO")
-        column.operator("esh.scatter_all", icon="FILE_REFRESH")
-
-
 def _draw_real(context: bpy.types.Context, column: bpy.types.UILayout, said: str) -> None:
     """Say that there are real objects in place of instances, and offer the way back."""
     write_text(context, column, said, icon="INFO")
     column.operator_menu_enum("esh.instances_from_real", "changes", icon="LOOP_BACK")
-
-
-def _why_no_result(scene: bpy.types.Scene, scatter: ESH_PG_scatter) -> str:
-    """Say why there is no result for this scene to change, in one sentence."""
-    if not scene.is_editable:
-        return "This scene is linked from a library and cannot be changed"
-    result = scatter.result
-    if result is not None and is_in(scene, result) and is_shared(result):
-        return "Another scene shows this result, too. Scatter makes one for this scene"
-    return "The result is no longer there"
-
-
-def _draw_forecast(
-    context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter, record: dict[str, Any]
-) -> None:
-    """Say before a run what cannot be placed without overlap."""
-    if not scatter.avoid_overlap:
-        return
-    cover = forecast.known(scatter, context.scene, record)
-    text = words.cover(cover) if cover is not None else ""
-    if cover is not None and text:
-        write_text(context, column, text, icon="ERROR")
-        if cover.too_much:
-            column.operator("esh.counts_to_fit")
 
 
 def _draw_progress(layout: bpy.types.UILayout) -> None:
@@ -523,14 +375,6 @@ def _draw_progress(layout: bpy.types.UILayout) -> None:
     buttons = layout.row(align=True)
     buttons.operator("esh.keep", text="Keep", icon="CHECKMARK")
     buttons.operator("esh.stop", text="Stop", icon="CANCEL")
-
-
-def _draw_inputs(column: bpy.types.UILayout, modifier: bpy.types.Modifier, names: Collection[str]) -> None:
-    """Draw inputs of a result's modifier, as far as it has them."""
-    for name in names:
-        found = input_property(modifier, name)
-        if found is not None:
-            column.prop(*found, text=name, translate=False)
 
 
 # In the order that they are drawn in; parents come before what is in them.

@@ -29,7 +29,7 @@ from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
 from esh.esh_scatter.result.display import our_modifier, set_inputs  # noqa: E402
 from esh.esh_scatter.result.refused import as_sentence  # noqa: E402
 from esh.esh_scatter.result.result import NAME, write_result  # noqa: E402
-from esh.esh_scatter.sidebar import class_panels, density_panel, menus, panel_parts, panels, preset_pictures  # noqa: E402
+from esh.esh_scatter.sidebar import class_panels, density_panel, menus, panel_parts, panels, preset_pictures, status  # noqa: E402
 from esh.esh_scatter.solving import running  # noqa: E402
 
 with pytest.MonkeyPatch.context() as patch:
@@ -768,7 +768,7 @@ def test_a_result_that_another_scene_shows_too_is_not_said_to_be_gone():
     bpy.ops.scene.new(type="LINK_COPY")
     assert any("Another scene shows this result" in text for text in draw_all(500))
     linked = SimpleNamespace(is_editable=False, objects=first.objects)
-    assert "linked from a library" in panels._why_no_result(linked, first.esh_scatter.active)
+    assert "linked from a library" in status._why_no_result(linked, first.esh_scatter.active)
     bpy.context.window.scene = first
     for scene in [one for one in bpy.data.scenes if one != first]:
         bpy.data.scenes.remove(scene)
