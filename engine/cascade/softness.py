@@ -41,7 +41,7 @@ class Following(NamedTuple):
     least: float
 
     def shares(self, charge: np.ndarray) -> np.ndarray:
-        """Share of the variance of their place that charges are blurred by: a small one fills little space."""
+        """Share of the variance of their place that charges are blurred by, shape ``[n]``: a small one fills little space."""
         return np.clip(charge, self.least, 1.0)
 
     def shares_of_groups(self, charge: np.ndarray, group: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -83,7 +83,12 @@ def near_force(squared: np.ndarray, width: float) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def near_terms(cutoff: float, blur: float) -> np.ndarray:
-    """Factors of the polynomial of the near part between charges (:class:`.NearPart`), blurred alike, or points: 0."""
+    """Factors of the polynomial of the near part (:class:`.NearPart`), shape ``[NEAR_TERMS]``, the constant one first.
+
+    Args:
+        cutoff: Where it ends, in lengths.
+        blur: Width of the blur between two charges, in lengths; 0 for points.
+    """
     squared = np.linspace(0.0, 1.0, FITTED)
     force = near_force(cutoff**2 * squared, blur)
     fit = np.polynomial.Chebyshev.fit(squared, force, NEAR_TERMS - 1, domain=[0.0, 1.0])

@@ -51,7 +51,7 @@ class Flips(NamedTuple):
     flat: np.ndarray
 
     def locate(self, triangle: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Triangles afterwards of points given by triangles before and weights of their corners, ``[n, 3]``; and weights there."""
+        """Triangles ``[n]`` afterwards of points given by triangles before and weights of corners ``[n, 3]``; and weights then."""
         own, flip, is_one = self._beside(triangle)
         a, b, c, d = np.moveaxis(self.flat[flip], 1, 0)
         first = np.where(is_one, self.place[flip], self.other_place[flip])
@@ -87,7 +87,7 @@ class Flips(NamedTuple):
         return triangle, weight
 
     def handed_on(self, values: np.ndarray) -> np.ndarray:
-        """What triangles have, bool, of those that lay where they lie."""
+        """What triangles have, bool, shape ``[triangles]``, of those that lay where they lie."""
         values = values.copy()
         values[self.one] = values[self.other] = values[self.one] | values[self.other]
         return values

@@ -56,7 +56,7 @@ class SplitTriangles:
         return float(_lengths(self).ravel()[self.sides.count[self.sides.number] == 1].sum())
 
     def points(self, triangle: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return triangles of the surface, and weights of their corners, of points given by triangles here and weights of theirs."""
+        """Return triangles of the surface ``[n]``, and weights of corners ``[n, 3]``, of points given by the same here."""
         for step in reversed(self._steps):
             triangle, weight = step.back(triangle, weight)
         return triangle, weight

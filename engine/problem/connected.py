@@ -8,7 +8,13 @@ __all__ = ["connected", "connected_pixels"]
 
 
 def connected(count: int, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Number of the connected component of every one of ``count`` things, of which pairs are joined."""
+    """Number of the connected component of every one of ``count`` things, shape ``[count]``, of which pairs are joined.
+
+    Args:
+        count: How many things there are.
+        one: One of every pair, shape ``[pairs]``.
+        other: The other one.
+    """
     label = np.arange(count)
     while True:
         a, b = label[one], label[other]

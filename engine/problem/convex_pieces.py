@@ -18,7 +18,7 @@ MOST_EDGES_THAT_CROSS = 1000
 
 
 def convex_pieces(corners: np.ndarray) -> Iterator[np.ndarray]:
-    """Cut a polygon, whose edges may cross, into convex pieces of at most ``MOST_CORNERS`` corners each."""
+    """Cut a polygon ``[n, 2]``, whose edges may cross, into convex pieces ``[k, 2]`` of at most ``MOST_CORNERS`` corners each."""
     close = SAME_CORNER * float(np.ptp(corners, axis=0).max())
     growing: list[tuple[list[np.ndarray], list[np.ndarray]]] = []
     for slab in _slabs(corners):

@@ -53,21 +53,21 @@ def _outer(points: np.ndarray) -> np.ndarray:
 
 
 def width_of(hull: np.ndarray) -> float:
-    """Smallest width of a convex polygon: across one of its edges."""
+    """Smallest width of a convex polygon ``[n, 2]``: across one of its edges."""
     edge = np.roll(hull, -1, axis=0) - hull
     normal = np.stack([edge[:, 1], -edge[:, 0]]) / np.hypot(*edge.T)
     return float(np.ptp(hull @ normal, axis=0).min())
 
 
 def farthest_points(points: np.ndarray) -> tuple[int, int]:
-    """The two points that are farthest apart."""
+    """Numbers of the two of some points ``[n, 2]`` that are farthest apart."""
     distance = np.hypot(*np.moveaxis(points[:, None] - points[None], -1, 0))
     first, second = np.unravel_index(int(np.argmax(distance)), distance.shape)
     return int(first), int(second)
 
 
 def enclosing_polygon(hull: np.ndarray, most_corners: int) -> np.ndarray:
-    """A convex polygon of at most ``most_corners`` corners around a convex polygon, whose edges are some of its edges, made longer."""
+    """A convex polygon ``[k, 2]`` of at most ``most_corners`` corners around another ``[n, 2]``: some of its edges, made longer."""
     corners = hull
     shortest = SHORTEST_EDGE * float(np.ptp(hull, axis=0).max())
     while len(corners) > 3:

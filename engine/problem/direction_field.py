@@ -146,5 +146,5 @@ def direction_from_rg(image: np.ndarray) -> np.ndarray:
 
 
 def direction_from_angle_image(image: np.ndarray) -> np.ndarray:
-    """Angles [rad] from an image of gray values: 0 is along x, 1 is half a turn further (the same direction again)."""
+    """Angles [rad], float32, of an image of gray values, of its shape: 0 is along x, 1 is half a turn further (the same again)."""
     return (np.asarray(image, dtype=np.float64) * np.pi).astype(np.float32)

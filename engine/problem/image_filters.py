@@ -86,7 +86,7 @@ def _limits(image: np.ndarray, reach: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def local_range(image: np.ndarray, reach: int) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest and largest value of an image in the square around every pixel that reaches so many pixels beyond it."""
+    """Smallest and largest value in the square around every pixel that reaches so many pixels beyond it; images of its shape."""
     return tuple(  # type: ignore[return-value]
         _extreme_of_rows(_extreme_of_rows(image, reach, extreme).T, reach, extreme).T
         for extreme in (np.minimum, np.maximum)

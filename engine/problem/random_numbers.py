@@ -8,7 +8,7 @@ __all__ = ["random_shares"]
 
 
 def random_shares(number: np.ndarray, seed: list[int]) -> np.ndarray:
-    """A random number of 0 to 1 for each whole number, whichever others are asked for with it."""
+    """A random number of 0 to 1 for each whole number, shape ``[n]``, whichever others are asked for with it."""
     key = np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]
     # The finaliser of splitmix64 (Steele, Lea and Flood, 2014).
     with np.errstate(over="ignore"):

@@ -28,7 +28,7 @@ class Sides:
     order: np.ndarray
 
     def pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Sides of exactly two triangles: of one, and of the other."""
+        """Sides of exactly two triangles: of one, and of the other, shape ``[k]`` each."""
         first = (np.cumsum(self.count) - self.count)[self.count == 2]
         return self.order[first], self.order[first + 1]
 

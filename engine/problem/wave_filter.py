@@ -14,7 +14,10 @@ ROWS_AT_ONCE = 128
 
 
 def filter_waves(values: np.ndarray, kept: np.ndarray, wraps: bool) -> np.ndarray:
-    """Values on a grid times a function of their waves; they wrap, or go on as in mirrors."""
+    """Values on a grid ``[rows, columns]`` times a function of their waves; they wrap, or go on as in mirrors.
+
+    ``kept`` is that function as the transform has its waves: of ``rfft2`` where they wrap, else of :func:`to_cosines`.
+    """
     if wraps:
         return np.fft.irfft2(np.fft.rfft2(values) * kept, values.shape)
     spectrum = to_cosines(values)
@@ -23,7 +26,7 @@ def filter_waves(values: np.ndarray, kept: np.ndarray, wraps: bool) -> np.ndarra
 
 
 def to_cosines(values: np.ndarray, threads: int = 1) -> np.ndarray:
-    """Discrete cosine transform of a grid along both axes (type II); the same for any number of threads."""
+    """Discrete cosine transform of a grid along both axes (type II), of its shape; the same for any number of threads."""
     return _by_rows(_cosines, _by_rows(_cosines, values, threads).T, threads).T
 
 
@@ -39,14 +42,17 @@ def fast_length(least: int) -> int:
 
 
 def linear_places(many: int, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Which of the middles of ``many`` pixels is before that of each of ``count``, from -1 on, and the way on from it, in pixels."""
+    """Which of the middles of ``many`` pixels is before that of each of ``count``, from -1 on, and the way on from it, in pixels.
+
+    Both have the shape ``[count]``.
+    """
     place = (np.arange(count) + 0.5) * (many / count) - 0.5
     low = np.floor(place).astype(np.int64)
     return low, place - low
 
 
 def stretched(values: np.ndarray, count: int, wraps: bool) -> np.ndarray:
-    """Values along the first axis at so many places, linearly between the middles of pixels; they wrap, or go on as they end."""
+    """Values ``[many, columns]`` at ``count`` places along the rows, linearly between middles; they wrap, or go on as they end."""
     many = len(values)
     low, share = linear_places(many, count)
     below, above = (low % many, (low + 1) % many) if wraps else (np.maximum(low, 0), np.minimum(low + 1, many - 1))

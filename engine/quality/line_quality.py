@@ -46,12 +46,12 @@ def crossing_pairs(position: np.ndarray, angle: np.ndarray, length: np.ndarray, 
 
 
 def crossing_lines(position: np.ndarray, angle: np.ndarray, length: np.ndarray, domain: Domain) -> int:
-    """Number of lines that cross at least one other; see :func:`crossing_pairs`."""
+    """Number of lines that cross at least one other; arguments as for :func:`crossing_pairs`."""
     return len(np.unique(crossing_pairs(position, angle, length, domain)))
 
 
 def angle_errors(angle: np.ndarray, preferred: np.ndarray) -> np.ndarray:
-    """Differences of directions [rad], 0 to pi/2: a line has no front."""
+    """Differences of directions [rad], shape ``[n]``, 0 to pi/2: a line has no front."""
     difference = np.mod(np.asarray(angle) - preferred, np.pi)
     return np.minimum(difference, np.pi - difference)
 

@@ -51,7 +51,7 @@ def group_targets(model: Model) -> list[FieldTarget]:
 
 
 def vacancy(model: Model, class_index: int, cells: int) -> np.ndarray | None:
-    """Share of a class's density that fixed bodies leave to new ones in ``cells`` by ``cells`` cells, row 0 at the bottom.
+    """Share of a class's density that fixed bodies leave to new ones, shape ``[cells, cells]``, row 0 at the bottom.
 
     None where none of the class is fixed.
     """
@@ -79,7 +79,7 @@ def _excess(model: Model, image: np.ndarray, own: np.ndarray, total: float, bodi
 
 
 def water_level(asked: np.ndarray, there: np.ndarray, total: float, most: float) -> float:
-    """The factor of ``asked``, at most ``most``, with which max(asked, there) adds up to ``total``."""
+    """The factor of ``asked``, at most ``most``, with which max(asked, there), of one shape, adds up to ``total``."""
     low, high = 0.0, most
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
@@ -91,7 +91,7 @@ def water_level(asked: np.ndarray, there: np.ndarray, total: float, most: float)
 
 
 def but_for_chance(there: np.ndarray, asked: np.ndarray) -> np.ndarray:
-    """What is there, or what is asked for where these may differ by chance."""
+    """What is there, or what is asked for where these may differ by chance; all of one shape."""
     return np.where((there > LITTLE_LESS * asked) & (there < LITTLE_MORE * asked), asked, there)
 
 

@@ -23,7 +23,7 @@ def carry_lines(
 ) -> None:
     """Bring what lines have beside their poses over to the state of another model: bends, and the factors of their lengths.
 
-    ``source`` is every body's number before, -1 for new ones.
+    ``source`` is every body's number before, -1 for new ones, shape ``[body_count]``.
     """
     carry_bends(old, state.bend, model, new_state.bend, source)
     if old.kinds and model.kinds:

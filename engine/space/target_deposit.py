@@ -58,7 +58,7 @@ def deposit_images(launcher: Launcher, images: Sequence[np.ndarray], layout: Mes
 def integrate_boxes(
     launcher: Launcher, image: np.ndarray, shape: tuple[int, int], part: Part | None = None
 ) -> wp.array:
-    """Share of an image's integral in every cell of a grid, flat; see :func:`.density.box_integrals`."""
+    """Share of an image's integral in every cell of a grid of this ``shape``, flat; see :func:`.density.box_integrals`."""
     result = launcher.empty(shape[0] * shape[1], float)
     _apply_bands(launcher, image, overlap_bands(image.shape, shape, part), 0, shape, result)
     return result

@@ -51,7 +51,7 @@ class Beyond:
     depth: dict[int, np.ndarray]
 
     def numbers(self, plan: Plan, demand: Demand, seed: list[int]) -> np.ndarray:
-        """Numbers of bodies to place beyond, ascending: of others that there are, whose sizes and outlines these have."""
+        """Numbers of bodies to place beyond, int64, shape ``[k]``, ascending: of others, whose sizes and outlines these have."""
         groups = plan.groups
         result = [np.zeros(0, np.int64)]
         for g in range(groups.number):

@@ -51,7 +51,7 @@ class PartBodies:
         return len(self.identity)
 
     def chosen(self, which: np.ndarray) -> PartBodies:
-        """Some of them: indices, or a truth value for each."""
+        """Some of them: indices, shape ``[k]``, or a truth value for each, shape ``[n]``."""
         return PartBodies(
             self.identity[which],
             self.position[which],
@@ -62,7 +62,7 @@ class PartBodies:
         )
 
     def at(self, position: np.ndarray) -> PartBodies:
-        """The same at other places."""
+        """The same at other places [m], shape ``[n, 2]``."""
         return replace(self, position=position)
 
     @classmethod
@@ -89,7 +89,7 @@ class PartBodies:
 
 
 def write_part(path: Path, bodies: PartBodies, patch: Patch, length_factor: np.ndarray) -> None:
-    """Write bodies, how they were counted, and what made up for the pressure on lines of every size."""
+    """Write bodies, how they were counted, and what made up for the pressure on lines of every size, shape ``[layers]``."""
     arrays = {"identity": bodies.identity, "position": bodies.position, "length_factor": length_factor}
     if bodies.length.any():
         arrays |= {"angle": bodies.angle, "length": bodies.length}

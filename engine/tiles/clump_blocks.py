@@ -68,7 +68,7 @@ class Clumps:
         return self.folder / f"{number:07d}.npy"
 
     def values(self, top: int, bottom: int, left: int, right: int) -> np.ndarray:
-        """Factors at the pixels of rows and columns of the whole domain, float64; of one that wraps, wherever they are."""
+        """Factors at pixels of the whole domain, float64, shape ``[bottom - top, right - left]``, also beyond one that wraps."""
         spans = [(top, bottom, self.shape[0]), (left, right, self.shape[1])]
         parts = [wrapped(begin, end, count) if self.wraps else [(begin, end)] for begin, end, count in spans]
         strips = [np.concatenate([self._inside(a, b, c, d) for c, d in parts[1]], axis=1) for a, b in parts[0]]
@@ -113,7 +113,7 @@ class ClumpedSource:
         return rows, columns
 
     def read(self, top: int, bottom: int, left: int, right: int) -> np.ndarray:
-        """Values of rows and columns, float32."""
+        """Values of rows and columns, float32, shape ``[bottom - top, right - left]``."""
         times = [many // own for many, own in zip(self.shape, self.source.shape, strict=True)]
         rows, columns = np.arange(top, bottom) // times[0], np.arange(left, right) // times[1]
         part = self.source.read(int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1)

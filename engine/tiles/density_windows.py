@@ -26,7 +26,7 @@ class Source(Protocol):
         """Rows and columns."""
 
     def read(self, top: int, bottom: int, left: int, right: int) -> np.ndarray:
-        """Values of rows and columns, float32."""
+        """Values of rows and columns, float32, shape ``[bottom - top, right - left]``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class ArraySource:
         return self.image.shape[0], self.image.shape[1]
 
     def read(self, top: int, bottom: int, left: int, right: int) -> np.ndarray:
-        """Values of rows and columns, float32."""
+        """Values of rows and columns, float32, shape ``[bottom - top, right - left]``."""
         return self.image[top:bottom, left:right]
 
 
@@ -57,7 +57,7 @@ class WrappedSource:
         return self.source.shape
 
     def read(self, top: int, bottom: int, left: int, right: int) -> np.ndarray:
-        """Values of rows and columns, float32, wherever they are."""
+        """The same, wherever they are."""
         rows, columns = self.source.shape
         strips = [
             np.concatenate([self.source.read(a, b, c, d) for c, d in wrapped(left, right, columns)], axis=1)

@@ -21,7 +21,14 @@ LEAST_FADED = 1e-4
 
 
 def charges_fading(box: Box, bodies: PartBodies, model: Model, taper: float) -> np.ndarray:
-    """How much every charge counts: less and less towards a cut. Only those of pinned bodies are so near to one."""
+    """How much every charge counts, shape ``[charges]``: less and less towards a cut, near which only pinned bodies are.
+
+    Args:
+        box: What is cut out.
+        bodies: Those in it.
+        model: Made of these.
+        taper: How wide the margin is in which charges fade [m].
+    """
     body, axial = model.charge.body, model.charge.axial
     if not axial.any():
         return box.fade(bodies.position[:, 0], bodies.position[:, 1], taper)

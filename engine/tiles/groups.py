@@ -68,7 +68,7 @@ class TileGroups:
         return self.count - np.bincount(self.group_of(self.fixed_identity), minlength=self.number)
 
     def is_fixed(self, identity: np.ndarray) -> np.ndarray:
-        """Which bodies of these numbers are fixed."""
+        """Which bodies of these numbers are fixed, bool, shape ``[k]``."""
         if not len(self.fixed_identity):
             return np.zeros(len(identity), bool)
         place = np.minimum(np.searchsorted(self.fixed_identity, identity), len(self.fixed_identity) - 1)
@@ -95,11 +95,11 @@ class TileGroups:
         return int(self.first[-1])
 
     def group_of(self, identity: np.ndarray) -> np.ndarray:
-        """Group of bodies of these numbers."""
+        """Group of bodies of these numbers, shape ``[k]``."""
         return np.searchsorted(self.first, identity, side="right") - 1
 
     def identities(self, group: int, begin: int, end: int) -> np.ndarray:
-        """Numbers of the bodies ``begin`` to ``end - 1`` of those of a group that are not fixed, int64, ascending.
+        """Numbers of the bodies ``begin`` to ``end - 1`` of those of a group that are not fixed, int64, shape ``[k]``, ascending.
 
         Those of a range are taken in turns from all over its areas, so that every tile gets small and large ones.
         """
@@ -265,7 +265,7 @@ def _areas_of_size(size: Size, rank: np.ndarray, seed: tuple[int, int, int]) -> 
 
 
 def in_turns(place: np.ndarray, count: int) -> np.ndarray:
-    """A permutation of ``count`` places, of which those that follow one another are far apart and spread over all."""
+    """Places, shape ``[k]``, of 0 to ``count - 1``, permuted: those that follow one another are far apart and spread over all."""
     stride = max(1, round(GOLDEN * count))
     while math.gcd(stride, count) > 1:
         stride += 1

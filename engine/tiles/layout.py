@@ -116,7 +116,7 @@ class Layout:
         return np.where(wrapped >= size, 0.0, wrapped)
 
     def cuts(self, axis: int, shift: float) -> np.ndarray:
-        """Units at which windows that are shifted by a share of a tile begin, and the last one ends."""
+        """Units at which windows that are shifted by a share of a tile begin, and the last one ends, int64, ascending."""
         tiles, units = self.tiles[axis], self.units[axis]
         if tiles == 1:
             return np.array([0, units])
@@ -177,7 +177,7 @@ def within(position: np.ndarray, low: Sequence[float], high: Sequence[float]) ->
 
 
 def hilbert_order(columns: int, rows: int) -> np.ndarray:
-    """Numbers of tiles, counted row by row, in the order in which a Hilbert curve visits them."""
+    """Numbers of tiles, counted row by row, in the order of a Hilbert curve through them, shape ``[columns * rows]``."""
     order = max(1, math.ceil(math.log2(max(columns, rows, 2))))
     number = np.arange(columns * rows)
     x, y = number % columns, number // columns

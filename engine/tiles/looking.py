@@ -15,7 +15,7 @@ __all__ = ["looking_bodies", "looking_turns"]
 
 
 def looking_bodies(plan: Plan, identity: np.ndarray) -> np.ndarray:
-    """Which bodies of these numbers look at a point: those of its class that are no lines, and that nobody has put there."""
+    """Which bodies of these numbers look at a point, bool, shape ``[k]``: of its class, no lines, and put there by nobody."""
     groups = plan.groups
     looks = [
         plan.problem.classes[c].look_at is not None and size.line is None

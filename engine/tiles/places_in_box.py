@@ -29,7 +29,15 @@ def within_support(model: Model, local: np.ndarray, chosen: np.ndarray) -> np.nd
 
 
 def rounded_places(plan: Plan, box: Box, model: Model, local: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Positions in the domain of bodies of a box: rounded, inside it, and the chosen ones where they may be."""
+    """Positions in the domain [m] of bodies of a box, shape ``[n, 2]``: rounded, inside it, and the chosen ones where they may be.
+
+    Args:
+        plan: What is solved in tiles.
+        box: Where they are.
+        model: Made of these bodies.
+        local: Positions from the box's lower left corner [m], shape ``[n, 2]``.
+        chosen: Which of them are to be where their densities are above 0, bool, shape ``[n]``.
+    """
     grain = 2.0 ** math.floor(math.log2(plan.spacing * ROUNDING))
     rounded = np.empty_like(local)
     for axis in (0, 1):
