@@ -232,9 +232,8 @@ class ScatterJob:
         pins = read_pins(own, names, [[size.name for size in c.sizes] for c in self.classes], numbers, others)
         if pins is None:
             return None
-        first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
         objects = [source.objects for of_class in sources for source in of_class]
-        variant = _variants(objects, self._sources, first[pins.class_index] + pins.size_index, pins.source)
+        variant = _variants(objects, self._sources, self._size_number(pins), pins.source)
         return pins, variant
 
     def prepare(self) -> None:
@@ -263,7 +262,7 @@ class ScatterJob:
         shapes_of_classes: list[list[SizeShape]] = []
         values_of_classes: list[np.ndarray] = []
         for number, scatter_class in enumerate(self.classes):
-            scale = standing_of(scatter_class, self.settings).scale
+            scale = float(self._scales[number])
             shapes = [
                 measure_size(size, source, directions[number], survey, scale)
                 for size, source in zip(scatter_class.sizes, reading.sources[number], strict=True)
@@ -316,9 +315,7 @@ class ScatterJob:
         if reading.pins is None:
             return ()
         pins, variant = reading.pins
-        scale = np.array([standing_of(c, self.settings).scale for c in self.classes])[pins.class_index]
-        first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
-        group = first[pins.class_index] + pins.size_index
+        scale, group = self._scales[pins.class_index], self._size_number(pins)
         # All objects of a size have one footprint, unless each has its own.
         own_ones = np.array([shape.outlines_of_variants for shape in self._shapes])[group]
         outline = np.where(own_ones, variant, 0)
@@ -332,6 +329,16 @@ class ScatterJob:
                 own = np.flatnonzero(group == number)
                 area[own] = pins.fit[own] ** 2 * np.array([outline.area for outline in outlines])[variant[own]]
         return (pins.fixed_on(self.chart, area, outline, scale),)
+
+    @property
+    def _scales(self) -> np.ndarray:
+        """Factors on the objects of every class, float64, shape ``[classes]``."""
+        return np.array([standing_of(c, self.settings).scale for c in self.classes], np.float64)
+
+    def _size_number(self, bodies: Pins | KeptPlaces) -> np.ndarray:
+        """Numbers of the sizes of bodies, of those of all classes, one class after the other, shape ``[n]``."""
+        first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
+        return first[bodies.class_index] + bodies.size_index
 
     @property
     def stands_on_whole(self) -> bool | None:
@@ -417,15 +424,13 @@ class ScatterJob:
         They have the outlines that they have, whatever would be drawn for them in a run that begins anew.
         """
         chart = self.chart
-        first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
-        group = first[places.class_index] + places.size_index
-        scale = np.array([standing_of(c, self.settings).scale for c in self.classes])[places.class_index]
+        group = self._size_number(places)
         start = {
             "angle": places.angle,
             "length": places.length,
             "identity": places.identity,
             "variant": _variants([shape.objects for shape in self._shapes], self._sources, group, places.source),
-            "scale": places.scale / scale,
+            "scale": places.scale / self._scales[places.class_index],
         }
         if isinstance(chart, Chart):
             return {"position": places.position[:, :2] - chart.origin, **start}
@@ -513,7 +518,7 @@ class ScatterJob:
         seed = self.settings.seed
         item.data[SEED] = seed if seed < 2**31 else str(seed)
         item.data[VARIANTS] = variants_told(self._shapes)
-        scales = [standing_of(c, self.settings).scale for c in self.classes for _ in c.sizes]
+        scales = np.repeat(self._scales, [len(c.sizes) for c in self.classes]).tolist()
         item.data[LOWEST_POINTS] = lowest_told(self._shapes, scales)
         item.data[UNREAD_STANDING] = self._unread
         item.data[ON_WHOLE] = isinstance(self.chart, WholeSurface)
