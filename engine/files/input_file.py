@@ -1,4 +1,4 @@
-"""Whether there is a file to read."""
+"""Whether there is a file to read, and what a reader says of one that it cannot read."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..errors import InputFileError
 
-__all__ = ["check_is_file", "reason_of"]
+__all__ = ["check_is_file", "kind_and_reason_of", "reason_of"]
 
 
 def check_is_file(path: Path, accepted: str) -> None:
@@ -33,3 +33,8 @@ def reason_of(error: Exception) -> str:
     """Return what an error says, on one line."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return " ".join(text.split()).rstrip(".") or type(error).__name__
+
+
+def kind_and_reason_of(error: Exception) -> str:
+    """Return what kind of error it is and what it says, on one line, of 200 characters at most."""
+    return " ".join(f"{type(error).__name__}: {error}".split())[:200]

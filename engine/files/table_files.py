@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import EshError, InputFileError
 from .bodies import READ_COLUMNS, Bodies, bodies_from_columns, read_names
 from .extras import import_extra
+from .input_file import kind_and_reason_of
 
 __all__ = ["read_geojson", "read_parquet", "read_ply", "write_geojson", "write_parquet", "write_ply"]
 
@@ -71,7 +72,7 @@ def read_ply(path: Path) -> Bodies:
             vertex = next(iter(raw)).metadata["_ply_raw"]["vertex"]["data"]
             columns = {key: np.asarray(vertex[key]).ravel() for key in _keys(vertex)}
     except Exception as error:  # whatever trimesh stumbles over
-        raise InputFileError(f"{path} cannot be read as a PLY file of points: {_brief(error)}") from None
+        raise InputFileError(f"{path} cannot be read as a PLY file of points: {kind_and_reason_of(error)}") from None
     return bodies_from_columns(columns, names, str(path))
 
 
@@ -112,7 +113,7 @@ def read_parquet(path: Path) -> Bodies:
                     table = table.append_column(name, values)
         columns = {key: table[key].to_numpy() for key in table.column_names if key not in ("class_name", "size_name")}
     except (ValueError, OSError, NotImplementedError) as error:  # pyarrow's own errors are of these kinds
-        raise InputFileError(f"{path} cannot be read as a Parquet file: {_brief(error)}") from None
+        raise InputFileError(f"{path} cannot be read as a Parquet file: {kind_and_reason_of(error)}") from None
     return bodies_from_columns(columns, names, str(path))
 
 
@@ -149,7 +150,9 @@ def read_geojson(path: Path) -> Bodies:
         features = [f for f in content["features"] if f["geometry"]["type"] == "Point"]
         place = [(*map(float, f["geometry"]["coordinates"]), 0.0)[:3] for f in features]
     except (ValueError, KeyError, TypeError) as error:
-        raise InputFileError(f"{path} cannot be read as a GeoJSON file of points: {_brief(error)}") from None
+        raise InputFileError(
+            f"{path} cannot be read as a GeoJSON file of points: {kind_and_reason_of(error)}"
+        ) from None
     columns: dict[str, Any] = dict(zip("xyz", np.reshape(np.array(place, np.float64), (-1, 3)).T, strict=True))
     properties = [f.get("properties") or {} for f in features]
     for key in (key for key in READ_COLUMNS if key not in columns):
@@ -159,7 +162,3 @@ def read_geojson(path: Path) -> Bodies:
             columns[key] = np.array(values, np.int64 if key == "id" else np.float64)
     names = content.get(KEY)
     return bodies_from_columns(columns, names if isinstance(names, dict) else {}, str(path))
-
-
-def _brief(error: Exception) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())[:200]

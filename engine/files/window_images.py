@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import InputFileError
 from .extras import import_extra
+from .input_file import kind_and_reason_of
 
 __all__ = ["GEOTIFF", "WINDOWED", "Georeference", "WindowImage", "open_window_image", "read_world_file"]
 
@@ -90,7 +91,7 @@ def open_window_image(path: str | Path, invert: bool) -> WindowImage:
     try:
         stored = np.lib.format.open_memmap(path, mode="r")
     except Exception as error:  # NumPy's parser lets Python's own tokenizer, and more, shine through
-        raise InputFileError(f"{path} cannot be read as a .npy file: {_brief(error)}") from None
+        raise InputFileError(f"{path} cannot be read as a .npy file: {kind_and_reason_of(error)}") from None
     if stored.ndim != 2 or stored.size == 0 or stored.dtype.kind not in "buif":
         raise InputFileError(
             f"{path} must hold numbers of shape [height, width]; got the type {stored.dtype} and the shape {list(stored.shape)}"
@@ -113,7 +114,7 @@ def _open_geotiff(path: Path, invert: bool) -> WindowImage:
     try:
         opened = rasterio.open(path)
     except (rasterio.errors.RasterioError, OSError, ValueError) as error:
-        raise InputFileError(f"{path} cannot be read as a GeoTIFF: {_brief(error)}") from None
+        raise InputFileError(f"{path} cannot be read as a GeoTIFF: {kind_and_reason_of(error)}") from None
     shape = (int(opened.height), int(opened.width))
 
     def read(top: int, bottom: int, left: int, right: int) -> np.ndarray:
@@ -122,7 +123,7 @@ def _open_geotiff(path: Path, invert: bool) -> WindowImage:
             values = opened.read(1, window=window)
             there = opened.read_masks(1, window=window)
         except (rasterio.errors.RasterioError, OSError, ValueError) as error:
-            raise InputFileError(f"{path} cannot be read: {_brief(error)}") from None
+            raise InputFileError(f"{path} cannot be read: {kind_and_reason_of(error)}") from None
         values[there == 0] = 1 if invert and values.dtype.kind == "f" else 0
         if invert and values.dtype.kind == "u":
             values[there == 0] = np.iinfo(values.dtype).max
@@ -174,7 +175,3 @@ def _sorted_json(value: Any) -> str:
     import json
 
     return json.dumps(value, sort_keys=True)
-
-
-def _brief(error: Exception) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())[:200]

@@ -22,6 +22,7 @@ from ..properties.in_english import CONTEXT
 from ..result.local_views import shows_any
 from ..result.refused import as_sentence
 from ..solving import running
+from ..solving.redrawing import redraw_viewports
 from ..targets.references import Reference
 
 __all__ = ["Colors", "attach", "density_colors", "detach", "message"]
@@ -91,12 +92,12 @@ class _Preview:
         except EshError as error:
             self.colors, self.content, self.message = None, None, as_sentence(error)
         if self.colors is not colors_before or self.message != message_before:
-            redraw()
+            redraw_viewports()
 
     def close(self) -> None:
         """Draw nothing any more."""
         bpy.types.SpaceView3D.draw_handler_remove(self.handler, "WINDOW")
-        redraw()
+        redraw_viewports()
 
 
 _preview: _Preview | None = None
@@ -252,14 +253,6 @@ def _draw() -> None:
         needles.draw(lines)
     gpu.state.depth_test_set("NONE")
     gpu.state.blend_set("NONE")
-
-
-def redraw() -> None:
-    """Have all viewports drawn anew, with their sidebars."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
 
 
 def attach() -> None:

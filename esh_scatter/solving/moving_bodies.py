@@ -10,6 +10,7 @@ import numpy as np
 
 from ..result.local_views import shows_any
 from ..targets.references import Reference
+from .redrawing import redraw_viewports
 
 if TYPE_CHECKING:
     from ...engine.solver.progress import Progress
@@ -63,7 +64,7 @@ class MovingBodies:
             return False
         if self._handle is None:
             self._handle = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_VIEW")
-        self._redraw()
+        redraw_viewports()
         return True
 
     def end(self) -> None:
@@ -71,7 +72,7 @@ class MovingBodies:
         if self._handle is not None:
             bpy.types.SpaceView3D.draw_handler_remove(self._handle, "WINDOW")
             self._handle = None
-            self._redraw()
+            redraw_viewports()
 
     def _draw(self) -> None:
         import gpu
@@ -80,7 +81,7 @@ class MovingBodies:
         points, colors = self.points, self._colors
         if points is None or colors is None or not shows_any(self._ground, bpy.context):
             return
-        shader = gpu.shader.from_builtin("POINT_FLAT_COLOR" if bpy.app.version >= (4, 5, 0) else "FLAT_COLOR")
+        shader = gpu.shader.from_builtin("POINT_FLAT_COLOR")
         if self._drawn is not points:
             self._batch = batch_for_shader(
                 shader, "POINTS", {"pos": np.ascontiguousarray(points, np.float32), "color": colors}
@@ -91,10 +92,3 @@ class MovingBodies:
         gpu.state.point_size_set(size * bpy.context.preferences.system.pixel_size)
         self._batch.draw(shader)
         gpu.state.depth_test_set("NONE")
-
-    @staticmethod
-    def _redraw() -> None:
-        for window in bpy.context.window_manager.windows:
-            for area in window.screen.areas:
-                if area.type == "VIEW_3D":
-                    area.tag_redraw()

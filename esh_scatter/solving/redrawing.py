@@ -1,13 +1,21 @@
-"""Has the sidebars drawn anew: now, or in a moment."""
+"""Has viewports or their sidebars drawn anew: now, or in a moment."""
 
 from __future__ import annotations
 
 import bpy
 
-__all__ = ["redraw_later", "redraw_sidebars"]
+__all__ = ["redraw_later", "redraw_sidebars", "redraw_viewports"]
 
 # Seconds after which what may be old is drawn again.
 _MOMENT = 1.0
+
+
+def redraw_viewports() -> None:
+    """Have every 3D viewport drawn anew, with its sidebar."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
 
 
 def redraw_sidebars() -> None:
