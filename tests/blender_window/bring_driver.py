@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import window_hand as hand
 import window_steps as steps
-from window_scene import ask_for, begin, fill_in, on_screen, positions, scatter, update, values
+from window_scene import ask_for, begin, fill_in, on_screen, open_presets, positions, scatter, update, values
 from window_steps import answer, take_screenshot
 
 PRESET = "woods.json"
@@ -19,10 +19,7 @@ def open_browser():
     """The asset browser is beside the viewport with its sidebar."""
     with steps.window_context():
         bpy.context.area.spaces.active.show_region_ui = True
-        areas = bpy.context.window.screen.areas
-        before = list(areas)
-        bpy.ops.screen.area_split(direction="VERTICAL", factor=0.3)
-        next(one for one in areas if one not in before).ui_type = "ASSETS"
+    steps.open_asset_browser(0.3)
 
 
 def set_stage():
@@ -32,19 +29,15 @@ def set_stage():
     bpy.ops.wm.save_as_mainfile(filepath=str(steps.FOLDER / "ground.blend"), copy=True)
 
 
-def browser():
-    return next((one for one in bpy.context.window_manager.windows[0].screen.areas if one.ui_type == "ASSETS"), None)
-
-
 def asset_dropped():
     """The pebble is dragged from the asset browser onto the field that says what a class places."""
-    space = browser().spaces.active
+    space = steps.asset_browser().spaces.active
     space.show_region_toolbar = False
     space.params.asset_library_reference = "LOCAL"
     space.params.display_size_discrete = "LARGE"
     top = yield from hand.turn_panel("ESH_PT_class")
     x, y = yield from hand.find("].source_object", across=0.5, first=top)
-    window, region = bpy.context.window_manager.windows[0], _region(browser(), "WINDOW")
+    window, region = bpy.context.window_manager.windows[0], _region(steps.asset_browser(), "WINDOW")
     start = region.x + 60, window.height - (region.y + region.height - 60)
     take_screenshot("bring-1-asset.png")
     with hand.held(start):
@@ -54,7 +47,7 @@ def asset_dropped():
     yield 1.0
     size = scatter().active_class.active_size
     answer["dropped"] = size.source_object.name, scatter().changes(), _of("Pebble")
-    with bpy.context.temp_override(window=window, area=browser()):
+    with bpy.context.temp_override(window=window, area=steps.asset_browser()):
         bpy.ops.screen.area_close()
     yield 1.0
     yield from hand.turn_panel("ESH_PT_class", is_open=False, first=top - 40)
@@ -76,11 +69,7 @@ def _of(name):
 def preset_exported():
     """The settings are written as a preset."""
     bpy.ops.wm.save_as_mainfile(filepath=str(steps.FOLDER / "wood.blend"))
-    # The menu of the presets is in that of the scatters.
-    _, y = yield from hand.find("esh.scatter_add", across=0.76)
-    _, _, region = hand._sidebar()
-    yield from hand.click((region.x + 20, y))
-    yield from hand.keys("p")
+    yield from open_presets()
     yield 1.5
     take_screenshot("bring-4-export.png")
     yield from hand.keys("e")

@@ -315,7 +315,7 @@ def kept():
     before, report = positions(), scatter().report_json
     _, y = yield from hand.press("esh.scatter(")
     yield from hand.until(lambda: not idle(), 5.0, "the start of the run")
-    window, _, region = hand._sidebar()
+    window, _, region = hand.sidebar()
     yield from hand.press("esh.keep", across=0.3, first=y - (window.height - region.y - region.height))
     take_screenshot("change-12-keep.png")
     yield from hand.until(idle, 10.0, "keeping")

@@ -19,8 +19,7 @@ def fill_in():
         space.shading.show_shadows = space.shading.show_cavity = True
         space.shading.shadow_intensity = 0.35
         space.overlay.show_floor = space.overlay.show_axis_x = space.overlay.show_axis_y = False
-        for item in list(bpy.data.objects):
-            bpy.data.objects.remove(item)
+        steps.remove_objects()
         made = [ground(), *(thing(name, parts) for name, parts in OBJECTS.items())]
         for item in made:
             item.select_set(True)

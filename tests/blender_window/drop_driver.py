@@ -14,37 +14,28 @@ LONGEST_RUN = 120.0
 def fill_in():
     """A ground, and beside it an asset browser."""
     with steps.window_context():
-        for item in list(bpy.data.objects):
-            bpy.data.objects.remove(item)
+        steps.remove_objects()
         bpy.ops.mesh.primitive_grid_add(size=20, x_subdivisions=20, y_subdivisions=20)
         bpy.context.object.name = "Ground"
         bpy.context.object.select_set(False)
         bpy.ops.ed.undo_push(message="Filled in")
-        areas = bpy.context.window.screen.areas
-        before = list(areas)
-        bpy.ops.screen.area_split(direction="VERTICAL", factor=0.4)
-        next(one for one in areas if one not in before).ui_type = "ASSETS"
+    steps.open_asset_browser(0.4)
 
 
 def show_presets():
     with steps.window_context():
         answer["shown"] = sorted(bpy.ops.esh.presets_as_assets())
         bpy.context.area.spaces.active.show_region_ui = True
-    area = browser()
-    space = area.spaces.active
+    space = steps.asset_browser().spaces.active
     space.show_region_toolbar = False
     space.params.filter_search = PRESET
     space.params.display_size_discrete = "LARGE"
 
 
-def browser():
-    return next(one for one in bpy.context.window_manager.windows[0].screen.areas if one.ui_type == "ASSETS")
-
-
 def drop():
     steps.take_screenshot("presets.png")
     window, _, viewport = steps.view()
-    region = next(one for one in browser().regions if one.type == "WINDOW")
+    region = next(one for one in steps.asset_browser().regions if one.type == "WINDOW")
     begin = region.x + 60, window.height - (region.y + region.height - 60)
     end = steps.on_screen(viewport.width * 0.45, viewport.height * 0.45)
     way = [

@@ -12,8 +12,7 @@ LONGEST_RUN = 60.0
 
 def press():
     with steps.window_context():
-        for item in list(bpy.data.objects):
-            bpy.data.objects.remove(item)
+        steps.remove_objects()
         bpy.ops.mesh.primitive_cube_add(size=0.3, location=(0.0, 0.0, 5.0))
         stone = bpy.context.object
         bpy.ops.mesh.primitive_plane_add(size=20.0)

@@ -20,6 +20,7 @@ from window_scene import (
     idle,
     instances,
     on_screen,
+    open_presets,
     positions,
     scatter,
     update,
@@ -237,7 +238,7 @@ def another_scatter():
     answer["selected"] = sorted(item.name for item in bpy.context.selected_objects)
     # The menu beside the scatter's name is in one line with the button that adds a scatter.
     _, y = yield from hand.find("esh.scatter_add", across=0.76)
-    _, _, region = hand._sidebar()
+    _, _, region = hand.sidebar()
     yield from hand.click((region.x + 20, y))
     yield 0.5
     take_screenshot("hand-20-menu.png")
@@ -379,10 +380,7 @@ def a_preset_on_top():
     yield from hand.move(steps.on_screen(200, 200))
     yield from hand.keys("alt+a")
     yield from hand.move(on_screen((0.0, 0.0, 0.0)))
-    _, y = yield from hand.find("esh.scatter_add", across=0.76)
-    _, _, region = hand._sidebar()
-    yield from hand.click((region.x + 20, y))
-    yield from hand.keys("p")
+    yield from open_presets()
     # Its pictures are read only now.
     yield 1.5
     take_screenshot("hand-30-presets.png")
@@ -456,7 +454,7 @@ def classes():
     answer["shown_again"] = instances()
     yield from hand.enter("class_index", "Fir", across=0.2, first=top)
     _, y = yield from hand.find("esh.class_add", across=BESIDE, first=top)
-    _, _, region = hand._sidebar()
+    _, _, region = hand.sidebar()
     # The menu is below the buttons that add and remove a class.
     yield from hand.click((round(region.x + BESIDE * region.width), y + 2 * LINE - 2))
     take_screenshot("hand-51-menu.png")
@@ -480,7 +478,7 @@ def classes():
 def densities():
     """The density of a class gets layers, shown on the ground; one is weakened, turned round, moved and removed."""
     _, shown = yield from hand.press("esh_scatter_show_density")
-    window, _, region = hand._sidebar()
+    window, _, region = hand.sidebar()
     top, layers = shown - (window.height - region.y - region.height), scatter().active_class.layers
     for number, key in enumerate(("n", "s")):
         yield from _add_layer(top, key, f"hand-5{4 + number}-add.png")
@@ -510,7 +508,7 @@ def _add_layer(top, key, picture):
     """Open the menu that adds a layer: a button across the panel while there is none, then one beside the list."""
     if len(scatter().active_class.layers):
         _, y = yield from hand.find("esh.layer_remove", across=BESIDE, first=top)
-        _, _, region = hand._sidebar()
+        _, _, region = hand.sidebar()
         yield from hand.click((round(region.x + BESIDE * region.width), y - LINE))
     else:
         # It is below the line that says that there is none.

@@ -29,8 +29,7 @@ def active():
 def fill_in():
     with steps.window_context():
         steps.show_tab()
-        for item in list(bpy.data.objects):
-            bpy.data.objects.remove(item)
+        steps.remove_objects()
         # The weights of many vertices are read whole during the stroke, too.
         cuts = {"image": 50, "colors": 150, "weights": 250}[PAINTED]
         bpy.ops.mesh.primitive_grid_add(size=SIZE, x_subdivisions=cuts, y_subdivisions=cuts)

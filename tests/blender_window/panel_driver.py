@@ -17,8 +17,7 @@ drag = None
 
 def fill_in():
     with steps.window_context():
-        for item in list(bpy.data.objects):
-            bpy.data.objects.remove(item)
+        steps.remove_objects()
         bpy.ops.mesh.primitive_cube_add(size=0.3, location=(0.0, 0.0, 5.0))
         thing = bpy.context.object
         bpy.ops.mesh.primitive_grid_add(size=20, x_subdivisions=20, y_subdivisions=20)

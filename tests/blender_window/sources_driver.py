@@ -34,8 +34,7 @@ def empty():
     """Nothing is in the file but a camera that nobody looks through."""
     with steps.window_context():
         steps.show_tab()
-        for item in list(bpy.data.objects):
-            bpy.data.objects.remove(item)
+        steps.remove_objects()
         bpy.ops.ed.undo_push(message="Emptied")
     hand.watch_panels()
 

@@ -91,8 +91,7 @@ def fill_in(name):
     def filled():
         with steps.window_context():
             steps.show_tab()
-            for item in list(bpy.data.objects):
-                bpy.data.objects.remove(item)
+            steps.remove_objects()
             while bpy.context.scene.esh_scatter.scatters:
                 bpy.context.scene.esh_scatter.scatters.remove(0)
             bpy.ops.mesh.primitive_cone_add(vertices=6, radius1=0.5, depth=2.0, location=(0.0, 0.0, -50.0))

@@ -140,14 +140,14 @@ def held(place):
         _do("mouseup", 1)
 
 
-def _sidebar():
+def sidebar():
     window, area, _ = steps.view()
     return window, area, next(one for one in area.regions if one.type == "UI")
 
 
 def _below_mouse():
     """The Python command or the data path of the button of the sidebar below the mouse; an empty text where there is none."""
-    window, area, region = _sidebar()
+    window, area, region = sidebar()
     manager = bpy.context.window_manager
     with bpy.context.temp_override(window=window, area=area, region=region):
         for copy in (bpy.ops.ui.copy_python_command_button, bpy.ops.ui.copy_data_path_button):
@@ -160,7 +160,7 @@ def _below_mouse():
 
 def _column(across):
     """Where a share of the sidebar's width is on the screen, and its upper and lower edge [pixels]."""
-    window, _, region = _sidebar()
+    window, _, region = sidebar()
     top = window.height - region.y - region.height
     return round(region.x + across * region.width), top, window.height - region.y - 4
 
@@ -254,7 +254,7 @@ def _watched(draw, name):
 
 
 def _open_panels():
-    _, _, region = _sidebar()
+    _, _, region = sidebar()
     _drawn.clear()
     region.tag_redraw()
     yield from until(lambda: _drawn, 10.0, "drawing the sidebar")
@@ -319,7 +319,7 @@ def _is_bare(x, y):
 
 def _below(known, wanted, is_open, down):
     """Where a header is, told from that of another one, if all panels between them are closed."""
-    window, area, region = _sidebar()
+    window, area, region = sidebar()
     with bpy.context.temp_override(window=window, area=area, region=region):
         names = [
             one.__name__

@@ -24,8 +24,7 @@ def fill_in():
     bpy.context.preferences.view.filebrowser_display_type = "SCREEN"
     with steps.window_context():
         steps.show_tab()
-        for item in list(bpy.data.objects):
-            bpy.data.objects.remove(item)
+        steps.remove_objects()
         made = [_made("Ground", "grid", (0.0, 0.0, 0.0), (SIDE / 2, SIDE / 2, 1.0), (0.42, 0.40, 0.30))]
         for name, (shape, scale, color) in OBJECTS.items():
             made.append(_made(name, shape, (0.0, 0.0, -10.0), scale, color))
@@ -116,3 +115,11 @@ def ask_for(count):
     # What is said of so many comes a moment later, and moves the panel down.
     yield 2.0
     yield from hand.turn_panel("ESH_PT_class", is_open=False)
+
+
+def open_presets():
+    """Open the menu of the presets, which is in that of the scatters."""
+    _, y = yield from hand.find("esh.scatter_add", across=0.76)
+    _, _, region = hand.sidebar()
+    yield from hand.click((region.x + 20, y))
+    yield from hand.keys("p")

@@ -34,6 +34,26 @@ def window_context():
     return bpy.context.temp_override(window=window, area=area, region=region)
 
 
+def remove_objects():
+    for item in list(bpy.data.objects):
+        bpy.data.objects.remove(item)
+
+
+def open_asset_browser(share):
+    """Split the viewport: an asset browser has this share of its width."""
+    with window_context():
+        areas = bpy.context.window.screen.areas
+        before = list(areas)
+        bpy.ops.screen.area_split(direction="VERTICAL", factor=share)
+        next(one for one in areas if one not in before).ui_type = "ASSETS"
+
+
+def asset_browser():
+    """The area that is one; None where there is none."""
+    areas = bpy.context.window_manager.windows[0].screen.areas
+    return next((one for one in areas if one.ui_type == "ASSETS"), None)
+
+
 def take_screenshot(name):
     path = str(FOLDER / name)
     if shutil.which("import"):
