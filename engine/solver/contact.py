@@ -11,7 +11,7 @@ from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.body_kind import disc_radius, radius_of
 from ..space import kernels_images
 from ..space.neighborhood import Neighborhood
-from . import kernels_contact, kernels_descent
+from . import kernels_contact, kernels_descent, kernels_lines
 from .body_flags import BodyFlags
 from .guidance import Guidance, needs_guidance
 from .model import Model
@@ -86,7 +86,7 @@ class Contact:
         self._model = model
         longest, area = model.body.longest, model.body.area
         # Lines whose length the forces change may be longer for a while.
-        half = 0.5 * kernels_descent.LONGEST_LINE * longest
+        half = 0.5 * kernels_lines.LONGEST_LINE * longest
         mass = np.where(model.body.flags & BodyFlags.PINNED, np.inf, area)
         self._near = Neighborhood(
             launcher,

@@ -20,7 +20,7 @@ from ..problem.of_bodies import distinct
 from ..problem.placement import Placement
 from ..space.support import images_for_kernels
 from ..space.target_deposit import mix_images
-from . import kernels_descent, kernels_direction, kernels_dots
+from . import kernels_descent, kernels_direction, kernels_dots, kernels_lines
 from .close_bodies import close_bodies
 from .contact import Contact, keeps_apart
 from .direction import Direction
@@ -271,7 +271,7 @@ class Descent:
             )
         if self.rules.kind_count:
             self.launcher.launch(
-                kernels_descent.propose_lines,
+                kernels_lines.propose_lines,
                 self.model.body_count,
                 [self.state.pose, self._charges, self.bodies, self.rules.lines, *where],
                 [self._motion, self.state.bend, self.direction.sums, self._sums_of_blocks],
@@ -303,7 +303,7 @@ class Descent:
             )
         if self.rules.kind_count:
             self.launcher.launch(
-                kernels_descent.move_lines,
+                kernels_lines.move_lines,
                 self.model.body_count,
                 [self.direction.factors, self.bodies, self.rules.lines, *where],
                 [self._motion, self.state.pose, self.state.bend],

@@ -15,22 +15,20 @@ from ..surface.kernels_facets import (
     tile_of,
     without_outward,
 )
-from .kernels_descent import (
+from .kernels_descent import PINNED, Bodies, squared_residual
+from .kernels_direction import LENGTHS, Sums, add, add_all
+from .kernels_lines import (
     LARGEST_BEND,
     LARGEST_TURN,
     LONGEST_LINE,
-    PINNED,
     SHORTEST_LEVER,
     SHORTEST_LINE,
     SIDE_BY_SIDE,
     WEIGHING_SHARE,
-    Bodies,
     Lines,
     bent_by,
-    squared_residual,
     take_rigid_part,
 )
-from .kernels_direction import LENGTHS, Sums, add, add_all
 from .kernels_on_surface import Charges, Ground, Motion, Poses, may_be, put_charge, remembered, shortened, walk
 
 wp.set_module_options({"enable_backward": False})

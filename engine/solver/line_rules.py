@@ -16,7 +16,7 @@ from ..problem.direction_field import direction_field
 from ..problem.domain import Domain
 from ..problem.line import Line
 from ..space.density import sample_density
-from . import kernels_descent
+from . import kernels_lines
 from .body_flags import BodyFlags
 from .model import LineKind, Model
 
@@ -48,9 +48,9 @@ def first_length_factors(launcher: Launcher, count: int) -> wp.array:
     return launcher.own_array(np.ones(max(count, 1), np.float32), float)
 
 
-def weights_of(rules: Sequence[Line], launcher: Launcher) -> kernels_descent.Lines:
+def weights_of(rules: Sequence[Line], launcher: Launcher) -> kernels_lines.Lines:
     """Return how far kinds of lines follow forces and what is preferred, and how straight they are; nothing else is set."""
-    lines = kernels_descent.Lines()
+    lines = kernels_lines.Lines()
     lines.turn_by_force, lines.turn_by_preference, lines.stretch_by_force, lines.stretch_by_preference = (
         numbers_for_kernels(launcher, [getattr(line, weights)[k] for line in rules])
         for weights in ("turn_weights", "stretch_weights")
@@ -89,7 +89,7 @@ class LineRules:
         if not rules:
             # Nobody reads what lines are to do then.
             self._directions, self._lengths, self.block_count = [], [], 0
-            self.lines = kernels_descent.Lines()
+            self.lines = kernels_lines.Lines()
             self.lines.length_factor = launcher.array(np.ones(1, np.float32), float)
             self.line_count = self.pressed = numbers_for_kernels(launcher, [])
             return

@@ -8,7 +8,7 @@ import warp as wp
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..space.cell_sort import CellSort
 from ..space.kernels_meeting import Meeting
-from . import kernels_descent, kernels_on_surface, kernels_surface_contact
+from . import kernels_descent, kernels_lines, kernels_on_surface, kernels_surface_contact
 from .body_flags import BodyFlags
 from .contact import DAMPING, ROUNDS_PER_STEP, SLACK, contact_radii
 from .model import Model
@@ -55,7 +55,7 @@ class SurfaceContact:
         self._poses, self._motion = poses, motion
         device, n = launcher.device, model.body_count
         longest = model.body.longest
-        half = 0.5 * kernels_descent.LONGEST_LINE * longest / model.unit
+        half = 0.5 * kernels_lines.LONGEST_LINE * longest / model.unit
         meeting = model.meeting(launcher) if radius is None else Meeting()
         if radius is None:
             radius = contact_radii(model, longest) / model.unit
