@@ -23,14 +23,11 @@ def box(name, width, height):
 
 
 @pytest.fixture
-def ground():
-    bpy.ops.wm.read_homefile(use_empty=True)
-    registration.register()
+def ground(empty_file):
     item = box("Ground", 20.0, 0.0)
     bpy.context.scene.collection.objects.link(item)
     bpy.context.view_layer.objects.active = item
-    yield item
-    registration.unregister()
+    return item
 
 
 @pytest.fixture

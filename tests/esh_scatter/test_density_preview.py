@@ -21,17 +21,14 @@ def new_object(name, vertices, faces=()):
 
 
 @pytest.fixture
-def scatter():
+def scatter(empty_file):
     """On ground that steps up by 30 m at x = 10."""
-    bpy.ops.wm.read_homefile(use_empty=True)
-    registration.register()
     steps = [(0, 0), (10, 0), (10, 30), (20, 30)]
     corners = [(x, y, z) for y in (0, 20) for x, z in steps]
     ground = new_object("Ground", corners, [(0, 1, 5, 4), (2, 3, 7, 6)])
     made = bpy.context.scene.esh_scatter.add_scatter(ground)
     made.add_class()
-    yield made
-    registration.unregister()
+    return made
 
 
 def test_colors_go_from_none_to_many_and_lie_on_the_ground(scatter):

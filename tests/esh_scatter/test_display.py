@@ -4,7 +4,6 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.operators.run import ESH_OT_scatter  # noqa: E402
 from esh.esh_scatter.properties.amount_ahead import bodies_ahead, question  # noqa: E402
 from esh.esh_scatter.result.display import get_inputs, our_modifier, set_inputs  # noqa: E402
@@ -19,16 +18,13 @@ def new_object(name, width):
 
 
 @pytest.fixture
-def scatter():
-    bpy.ops.wm.read_homefile(use_empty=True)
-    registration.register()
+def scatter(empty_file):
     made = bpy.context.scene.esh_scatter.add_scatter(new_object("Ground", 20.0))
     made.device, made.max_steps = "CPU", 2
     size = made.add_class().sizes[0]
     size.source_object, size.count = new_object("Tree", 0.1), 50
     bpy.context.view_layer.update()
-    yield made
-    registration.unregister()
+    return made
 
 
 def shown_as(scatter):

@@ -6,17 +6,13 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.engine.problem.color_separation import MODELS, separate  # noqa: E402
-from esh.esh_scatter import registration  # noqa: E402
 
 
 @pytest.fixture
-def scatter_settings():
-    bpy.ops.wm.read_homefile(use_empty=True)
-    registration.register()
+def scatter_settings(empty_file):
     bpy.ops.mesh.primitive_plane_add(size=20.0)
     bpy.ops.esh.scatter_add()
-    yield bpy.context.scene.esh_scatter.active
-    registration.unregister()
+    return bpy.context.scene.esh_scatter.active
 
 
 def picture(width=16, height=8):

@@ -5,15 +5,12 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.editing.painting import can_be_painted, unsaved_images  # noqa: E402
 from esh.esh_scatter.targets import checksums  # noqa: E402
 
 
 @pytest.fixture
-def scatter():
-    bpy.ops.wm.read_homefile(use_empty=True)
-    registration.register()
+def scatter(empty_file):
     mesh = bpy.data.meshes.new("Ground")
     mesh.from_pydata([(0, 0, 0), (8, 0, 1), (8, 4, 1), (0, 4, 0)], [], [(0, 1, 2, 3)])
     ground = bpy.data.objects.new("Ground", mesh)
@@ -22,8 +19,7 @@ def scatter():
     bpy.context.view_layer.update()
     made = bpy.context.scene.esh_scatter.add_scatter(ground)
     made.add_class().name = "Pine"
-    yield made
-    registration.unregister()
+    return made
 
 
 def test_a_vertex_group_is_made_and_weights_are_painted(scatter):

@@ -8,7 +8,6 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
-from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.editing.preset_files import BUILT_IN, built_in_presets, read_preset, write_preset  # noqa: E402
 from esh.esh_scatter.editing.presets import preset_of  # noqa: E402
 
@@ -24,13 +23,10 @@ def new_object(name, width):
 
 
 @pytest.fixture
-def ground():
-    bpy.ops.wm.read_homefile(use_empty=True)
-    registration.register()
+def ground(empty_file):
     item = new_object("Ground", 40.0)
     bpy.context.view_layer.objects.active = item
-    yield item
-    registration.unregister()
+    return item
 
 
 def test_there_are_a_dozen_and_their_names_tell_their_files():

@@ -7,7 +7,6 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 import esh  # noqa: E402
-from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.operators.run_operator import before_a_run  # noqa: E402
 from esh.esh_scatter.result import real_objects  # noqa: E402
 from esh.esh_scatter.result.display import get_inputs, our_modifier, set_inputs  # noqa: E402
@@ -29,10 +28,8 @@ def box(name, width, height, bumpy=False):
 
 
 @pytest.fixture
-def scatter():
+def scatter(empty_file):
     """Stretched and turned trees, cabins that are collections, planks that are long, sheds that are empties, on a slope."""
-    bpy.ops.wm.read_homefile(use_empty=True)
-    registration.register()
     ground = box("Ground", 20.0, 0.0, bumpy=True)
     bpy.context.scene.collection.objects.link(ground)
     settings = bpy.context.scene.esh_scatter.add_scatter(ground)
@@ -63,8 +60,7 @@ def scatter():
         else:
             size.source_object = source
     assert bpy.ops.esh.scatter() == {"FINISHED"}
-    yield settings
-    registration.unregister()
+    return settings
 
 
 def instances(of=None):

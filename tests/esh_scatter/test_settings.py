@@ -13,7 +13,6 @@ from esh.engine.problem.body_class import BodyClass, ClassSettings, Unsharp  # n
 from esh.engine.problem.scatter_settings import ScatterSettings, Standing  # noqa: E402
 from esh.engine.problem.settings import Choice, Settings, setting, settings_of  # noqa: E402
 from esh.engine.problem.size import Size  # noqa: E402
-from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.properties.described import shown_settings, values_from, with_properties  # noqa: E402
 from esh.esh_scatter.properties.influential_settings import AT_ONCE, WITHOUT_INFLUENCE  # noqa: E402
 from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
@@ -28,13 +27,10 @@ def new_object(name):
 
 
 @pytest.fixture
-def scatter():
-    bpy.ops.wm.read_homefile(use_empty=True)
-    registration.register()
+def scatter(empty_file):
     made = bpy.context.scene.esh_scatter.add_scatter(new_object("Ground"))
     made.add_class().sizes[0].source_object = new_object("Tree")
-    yield made
-    registration.unregister()
+    return made
 
 
 def changed(group, name):
