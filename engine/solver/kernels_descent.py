@@ -5,6 +5,8 @@ A body's pose is (x, y, angle, length of its axis); a dot has angle and length 0
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
 from ..space.kernels_images import Images, density_pixel, in_support
@@ -193,7 +195,8 @@ def confine_line(
 
 
 @wp.func
-def limited(move: wp.vec2, limit: float):
+def limited(move: Any, limit: float):
+    """A move in the plane or in space, no longer than a limit."""
     length = wp.length(move)
     if length > limit:
         return move * (limit / length)

@@ -19,7 +19,7 @@ from ..surface.kernels_facets import (
     weights_in_tile,
     without_outward,
 )
-from .kernels_descent import PINNED, Bodies, squared_residual
+from .kernels_descent import PINNED, Bodies, limited, squared_residual
 from .kernels_direction import FIRST_SHARE, Sums, add_all
 from .kernels_obstacles import OutlinesOnGround, inside_outlines
 
@@ -101,14 +101,6 @@ class Motion:
     turned: wp.array(dtype=wp.vec2)
     turn: wp.array(dtype=wp.vec2)
     turn_change: wp.array(dtype=wp.vec2)
-
-
-@wp.func
-def shortened(move: wp.vec3, limit: float):
-    length = wp.length(move)
-    if length > limit:
-        return move * (limit / length)
-    return move
 
 
 @wp.func
@@ -316,7 +308,7 @@ def way_on_crumb(i: int, limit: float, motion: Motion):
     """The next way of dot ``i`` by its own forces, at a place where no step is longer than ``limit``."""
     come = motion.turned[i][1]
     asked = FIRST_SHARE * motion.move[i] + CRUMB_MEMORY * motion.displacement[i]
-    way = shortened(asked, wp.clamp(CRUMB_WAY * limit - come, 0.0, CRUMB_STEP * limit))
+    way = limited(asked, wp.clamp(CRUMB_WAY * limit - come, 0.0, CRUMB_STEP * limit))
     motion.turned[i] = wp.vec2(motion.turned[i][0], come + wp.length(way))
     return way
 
@@ -343,7 +335,7 @@ def propose_dots(
     length = ground.step_length[bodies.group[i] * ground.node_count + home]
     limit = ground.step_limit[home]
     # Beyond a spacing no move is more than a direction.
-    new = shortened(force * length, 2.0 * limit)
+    new = limited(force * length, 2.0 * limit)
     changed = motion.move[i] - new
     way = motion.displacement[i]
     motion.move[i] = new
@@ -400,7 +392,7 @@ def move_dots(
         way = way_on_crumb(i, limit, motion)
     else:
         d = direction[0] * motion.move[i] + direction[1] * motion.displacement[i] + direction[2] * motion.change[i]
-        way = shortened(d, limit)
+        way = limited(d, limit)
     old = charges.points.position[j]
     normal = ground.facets.normal[poses.facet[i]]
     new = walk(poses.facet[i], poses.weight[i], way, i, bodies.support[i], ground)

@@ -15,7 +15,7 @@ from ..surface.kernels_facets import (
     tile_of,
     without_outward,
 )
-from .kernels_descent import PINNED, Bodies, squared_residual
+from .kernels_descent import PINNED, Bodies, limited, squared_residual
 from .kernels_direction import LENGTHS, Sums, add, add_all
 from .kernels_lines import (
     LARGEST_BEND,
@@ -29,7 +29,7 @@ from .kernels_lines import (
     bent_by,
     take_rigid_part,
 )
-from .kernels_on_surface import Charges, Ground, Motion, Poses, may_be, put_charge, remembered, shortened, walk
+from .kernels_on_surface import Charges, Ground, Motion, Poses, may_be, put_charge, remembered, walk
 
 wp.set_module_options({"enable_backward": False})
 
@@ -202,7 +202,7 @@ def pull_on(j: int, axis: Axis, charges: Charges, ground: Ground):
     at = charges.facet[j]
     force = without_outward(charges.field[j], at, charges.weight[j], ground.facets)
     length = ground.step_length[axis.first_step + charges.home[j]]
-    there = shortened(force * (axis.share * length), ground.step_limit[charges.home[j]])
+    there = limited(force * (axis.share * length), ground.step_limit[charges.home[j]])
     return carried(there, ground.facets.normal[at], axis.normal)
 
 
@@ -219,7 +219,7 @@ def fit_rigid_move(axis: Axis, charges: Charges, bodies: Bodies, ground: Ground)
         fit.shift += q * pull
         fit.torque += q * s * wp.dot(pull, axis.across)
         fit.tension += q * s * wp.dot(pull, axis.along)
-    fit.shift = shortened(tangential(fit.shift / fit.charge, axis.normal), axis.limit)
+    fit.shift = limited(tangential(fit.shift / fit.charge, axis.normal), axis.limit)
     return fit
 
 
@@ -453,7 +453,7 @@ def move_lines(
     old.axis = poses.axis[i]
     home = ground.home[tile_of(old.middle.facet, old.middle.weight, ground.facets)]
     d = direction[0] * motion.move[i] + direction[1] * motion.displacement[i] + direction[2] * motion.change[i]
-    way = shortened(d, ground.step_limit[home])
+    way = limited(d, ground.step_limit[home])
     turned = wanted_lying(i, kind, direction, old, lines, ground, motion)
     new = allowed(i, old, turned, way, bodies, poses.bend, ground)
     if lines.straightness[kind] >= 0.0:
