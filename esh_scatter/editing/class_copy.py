@@ -44,7 +44,7 @@ CLASS_PARTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
 
 
 def copy_class(source: PropertyGroup, to: PropertyGroup, parts: Mapping[str, Any]) -> None:
-    """Copy parts of the settings of a class, keys of :data:`CLASS_PARTS`, to another; name, color and switches stay."""
+    """Copy parts of the settings of a class, keys of :data:`CLASS_PARTS`, to another; color, switches and own names stay."""
     # What comes with the settings of another class stands as these say.
     to.waits_for_first = to.waits_for_first and "COUNT" not in parts
     for part in parts:

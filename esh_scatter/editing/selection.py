@@ -239,13 +239,9 @@ def pleasant_counts(areas: Sequence[float], ground: float, cover: float, most: i
 
 def add_classes(scatter: ESH_PG_scatter, measured: Sequence[Measured], counts: Sequence[int]) -> list[ESH_PG_class]:
     """Add a class for each object to a scatter's settings, and return them."""
-    from ..properties.names import unused_name
-
     made = []
     for one, count in zip(measured, counts, strict=True):
         body_class = scatter.add_class()
-        name = one.item.name
-        body_class.name = unused_name(name, {other.name for other in scatter.classes[:-1]})
         size = body_class.sizes[0]
         size.count = count
         size.place(one.item)

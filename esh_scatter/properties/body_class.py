@@ -92,6 +92,8 @@ class ESH_PG_class(PropertyGroup):
     )
     uid: IntProperty(options={"HIDDEN"})
     known_name: StringProperty(options={"HIDDEN"})
+    # The name that it was given after what it places; another one is somebody's own.
+    named_after: StringProperty(options={"HIDDEN"})
     # It was added by hand, and nothing to place has been chosen yet.
     waits_for_first: BoolProperty(options={"HIDDEN"})
     mute: BoolProperty(

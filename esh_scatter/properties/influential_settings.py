@@ -27,6 +27,7 @@ WITHOUT_INFLUENCE = AT_ONCE | {
     "ran_with",
     "uid",
     "known_name",
+    "named_after",
     "waits_for_first",
     "source_was_in_scene",
     "layer_index",

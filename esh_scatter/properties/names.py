@@ -59,12 +59,14 @@ def class_of(size: PropertyGroup) -> PropertyGroup:
 
 
 def name_class_after(size: PropertyGroup) -> None:
-    """Name a class that nobody has named after what its only size places."""
+    """Name a class that nobody has named after what its only size places, also where that is another thing now."""
     body_class = class_of(size)
     stem, _, number = body_class.name.rpartition(" ")
-    has_own = body_class.name != NEW_CLASS and not (stem == NEW_CLASS and number.isdecimal())
+    is_new = body_class.name == NEW_CLASS or (stem == NEW_CLASS and number.isdecimal())
+    has_own = not is_new and body_class.name != body_class.named_after
     if size.source is not None and len(body_class.sizes) == 1 and not has_own:
         body_class.name = size.source.name
+        body_class.named_after = body_class.name
 
 
 def class_renamed(item: PropertyGroup, context: object) -> None:

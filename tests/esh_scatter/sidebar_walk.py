@@ -37,7 +37,19 @@ FILES = ("export", "import", "preset_export", "preset_import", "presets_as_asset
 ASSETS = ("scatter_assets", "classes_from_assets", "source_from_asset", "source_from_shelf", "preset_from_asset")
 LEFT_OUT = {f"esh.{name}" for name in FILES + ASSETS}
 # What the settings keep for themselves; what a run takes is small.
-KEPT = {"rna_type", "result", "live", "uid", "known_name", "report_json", "ran_with", "device", "max_steps", "version"}
+KEPT = {
+    "rna_type",
+    "result",
+    "live",
+    "uid",
+    "known_name",
+    "named_after",
+    "report_json",
+    "ran_with",
+    "device",
+    "max_steps",
+    "version",
+}
 MOST, MOST_OBJECTS, MOST_VERTICES = 25, 40, 3000
 WORDS = ("", "Pine", "weights", "UVMap", "nobody knows", "Ä, ö")
 WIDTHS = (160, 300, 700)

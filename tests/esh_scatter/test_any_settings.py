@@ -13,7 +13,19 @@ from hypothesis import HealthCheck, given, settings  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
 
 # Set by the fixture, or no settings; counts stay small, so that a run takes a moment.
-KEPT = {"rna_type", "result", "live", "uid", "known_name", "report_json", "ran_with", "device", "max_steps", "version"}
+KEPT = {
+    "rna_type",
+    "result",
+    "live",
+    "uid",
+    "known_name",
+    "named_after",
+    "report_json",
+    "ran_with",
+    "device",
+    "max_steps",
+    "version",
+}
 MOST = 25
 WORDS = st.sampled_from(["", "Pine", "weights", "UVMap", "nobody knows", "Ä, ö"])
 

@@ -158,7 +158,7 @@ def test_assets_are_added_to_a_scatter_and_chosen_for_a_class(library, ground):
     cabin = assets.text_of_assets([asset(library, "Cabin", "COLLECTION")])
     assert bpy.ops.esh.source_from_asset(assets=cabin) == {"FINISHED"}
     first = scatter.classes[0]
-    assert first.name == "Tree" and first.sizes[0].source.name == "Cabin" and first.sizes[0].source_kind == "ASSET"
+    assert first.name == "Cabin 2" and first.sizes[0].source.name == "Cabin" and first.sizes[0].source_kind == "ASSET"
     assert scatter.obstacle(bpy.context.scene) is None
 
 

@@ -45,11 +45,15 @@ def test_names_in_a_list_differ(scatter):
     scatter.classes[1].name = "   "
     assert scatter.classes[1].name == "Class"
     scatter.classes[1].sizes[0].source_object = bpy.data.objects["Tree"]
-    assert scatter.classes[1].name == "Tree", "it is named after what it places first, and keeps that"
+    assert scatter.classes[1].name == "Tree", "it is named after what it places"
     scatter.classes[1].sizes[0].source_object = scatter.target
-    assert scatter.classes[1].name == "Tree"
+    assert scatter.classes[1].name == "Ground", "whatever that is"
+    scatter.classes[0].may_overlap = "Ground"
+    scatter.classes[1].sizes[0].source_object = bpy.data.objects["Tree"]
+    assert scatter.classes[1].name == scatter.classes[0].may_overlap == "Tree"
     scatter.classes[1].name = "Beech"
-    assert scatter.classes[1].name == "Beech"
+    scatter.classes[1].sizes[0].source_object = scatter.target
+    assert scatter.classes[1].name == "Beech", "unless somebody names it"
     first, second = scatter.classes[0].sizes[0], scatter.classes[0].add_size()
     assert scatter.classes[0].sizes[0].name != second.name
     second.name = scatter.classes[0].sizes[0].name

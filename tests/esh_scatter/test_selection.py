@@ -495,7 +495,17 @@ def test_a_duplicate_has_everything_but_the_number(scatter):
     log, copy = scatter.classes[1], scatter.classes[2]
     assert copy.uid != log.uid and tuple(copy.color) != tuple(log.color)
     for told in copy.bl_rna.properties:
-        if told.identifier not in {"rna_type", "name", "known_name", "uid", "color", "sizes", "size_index", "layers"}:
+        if told.identifier not in {
+            "rna_type",
+            "name",
+            "known_name",
+            "named_after",
+            "uid",
+            "color",
+            "sizes",
+            "size_index",
+            "layers",
+        }:
             assert str(getattr(copy, told.identifier)) == str(getattr(log, told.identifier)), told.identifier
     assert [(one.kind, one.image, one.strength) for one in copy.layers] == [("IMAGE", bpy.data.images["where"], 0.5)]
     assert [(s.name, s.source, s.area) for s in copy.sizes] == [(s.name, s.source, s.area) for s in log.sizes]
@@ -544,7 +554,7 @@ def test_every_property_of_a_class_belongs_to_one_part():
 
     parts = [name for _, _, names in CLASS_PARTS.values() for name in names]
     own = {"rna_type", "name", "known_name", "uid", "color", "size_index", "mute", "show_viewport", "show_render"}
-    own |= {"waits_for_first"}
+    own |= {"waits_for_first", "named_after"}
     assert len(parts) == len(set(parts))
     assert set(parts) | own == {told.identifier for told in ESH_PG_class.bl_rna.properties}
 

@@ -243,7 +243,7 @@ def test_an_object_of_the_same_footprint_takes_the_place_of_another_at_once(scat
     bpy.ops.esh.scatter()
     assert places(scattered) == where and not scattered.outdated
     size.source_object = quad("Bush", 0.8)
-    assert scattered.changes() == ["object of Trees"] and (shown(scattered)[150:] == "Spruce").all()
+    assert scattered.changes() == ["object of Bush"] and (shown(scattered)[150:] == "Spruce").all()
 
 
 def test_a_collection_of_the_same_footprints_takes_the_place_of_another_at_once(scattered):
