@@ -21,6 +21,9 @@ from .edit import ClassEdit, MoveEntry, RemoveEntry
 
 __all__ = ["CLASSES"]
 
+# What is near something, at most, as a share of the ground's extent.
+NEAR = 0.25
+
 
 class ESH_OT_layer_add(ClassEdit):
     """Add a layer to the density of the selected class. Each layer acts on those above it"""
@@ -50,7 +53,11 @@ class ESH_OT_layer_add(ClassEdit):
             low, high = min(heights), max(heights)
             layer.altitude_low, layer.altitude_high = _rounded(0.5 * (low + high), high - low), high
             layer.altitude_falloff = _rounded(max(0.1 * (high - low), 0.0), high - low)
-            layer.noise_scale = max(0.1 * max(target.dimensions.x, target.dimensions.y), 1e-3)
+            extent = max(target.dimensions.x, target.dimensions.y)
+            layer.noise_scale = max(0.1 * extent, 1e-3)
+            # On a table nothing is as far away as on a terrain.
+            far = layer.distance_far / context.scene.unit_settings.scale_length
+            layer.distance_far = min(far, float(f"{NEAR * extent:.1g}")) or far
         if self.kind == "NOISE":
             # Another noise than those that are there; who wants the same in two classes gives both the same seed.
             layer.noise_seed = sum(one.kind == "NOISE" for c in scatter.classes for one in c.layers) - 1

@@ -510,3 +510,16 @@ def test_new_scatters_have_seeds_of_their_own_and_no_hedges():
     scatters.remove(1)
     assert bpy.ops.esh.scatter_add() == {"FINISHED"}
     assert [one.seed for one in scatters] == [0, 2, 1]
+
+
+@pytest.mark.parametrize(
+    ("extent", "unit", "far"), [(20.0, 1.0, 5.0), (0.4, 1.0, 0.1), (400.0, 1.0, 5.0), (40_000.0, 0.01, 500.0)]
+)
+def test_what_is_near_something_is_nearer_on_small_ground(extent, unit, far):
+    """On a table that is 0.4 m wide all was within 5 m."""
+    bpy.context.scene.unit_settings.scale_length = unit
+    bpy.ops.mesh.primitive_plane_add(size=extent)
+    scatter = bpy.context.scene.esh_scatter.add_scatter(bpy.context.object)
+    layers = scatter.add_class().layers
+    assert bpy.ops.esh.layer_add(kind="DISTANCE") == {"FINISHED"}
+    assert layers[0].distance_far == pytest.approx(far)
