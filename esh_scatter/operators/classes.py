@@ -167,7 +167,8 @@ class ESH_OT_class_copy(ClassEdit):
         chosen = [c for c in selected_scatter(context).classes if str(c.uid) in self.classes and c != source]
         for body_class in chosen:
             copy_class(source, body_class, parts)
-        self.report({"INFO"}, f"Copied settings to {len(chosen)} classes")
+        many = "1 class" if len(chosen) == 1 else f"{len(chosen)} classes"
+        self.report({"INFO"}, f"Copied settings to {many}")
         return {"FINISHED"}
 
 

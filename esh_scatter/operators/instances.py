@@ -257,7 +257,9 @@ class ESH_OT_instances_from_real(Edit):
         if len(found.removed):
             remove_and_keep_free(scatter, result, found.removed)
         real_objects.discard_real(collection, found.objects)
+        changed = len(found.points) or len(found.removed)
         text = f"{len(found.points):,} pinned as they were changed, {len(found.removed):,} removed"
+        text = text if changed else "The instances are as they were"
         text += f". {found.added:,} other objects stay in the scene" if found.added else ""
         if mirrored:
             text += f". Instances cannot be mirrored: {mirrored:,} stand unmirrored"

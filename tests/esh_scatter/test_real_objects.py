@@ -106,12 +106,13 @@ def test_the_share_of_the_viewport_hides_none_and_stays(scatter):
     assert inputs["Share"] == pytest.approx(0.2) and inputs["Display"] == "Points"
 
 
-def test_without_changes_all_is_as_it_was(scatter):
+def test_without_changes_all_is_as_it_was(scatter, capfd):
     before, points = instances(), read_attribute(scatter.result.data, "position").tobytes()
     objects = len(bpy.data.objects)
     bpy.ops.esh.instances_make_real()
     assert not bpy.ops.esh.instances_make_real.poll(), "they are real already"
     assert bpy.ops.esh.instances_from_real() == {"FINISHED"}
+    assert "The instances are as they were" in capfd.readouterr().out
     assert instances() == before and read_attribute(scatter.result.data, "position").tobytes() == points
     assert len(bpy.data.objects) == objects and real_objects.real_objects_of(scatter.result) is None
     assert not scatter.result.hide_viewport and "pinned" not in scatter.result.data.attributes

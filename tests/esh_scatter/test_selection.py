@@ -511,7 +511,7 @@ def test_a_duplicate_has_everything_but_the_number(scatter):
     assert [(s.name, s.source, s.area) for s in copy.sizes] == [(s.name, s.source, s.area) for s in log.sizes]
 
 
-def test_settings_are_copied_to_the_chosen_classes_only(scatter):
+def test_settings_are_copied_to_the_chosen_classes_only(scatter, capfd):
     scatter.class_index = 0
     tree, log, pebble = scatter.classes
     tree.scale_jitter, tree.sizes[0].count = 0.25, 7
@@ -519,6 +519,7 @@ def test_settings_are_copied_to_the_chosen_classes_only(scatter):
     pebble.add_layer("NOISE")
     tree.may_overlap = "Log"
     bpy.ops.esh.class_copy(what={"STANDING"}, classes={str(pebble.uid)})
+    assert "Copied settings to 1 class\n" in capfd.readouterr().out
     assert (pebble.scale_jitter, pebble.layers[0].kind, pebble.count) == (0.25, "NOISE", 100)
     assert log.scale_jitter == 0.0
     bpy.ops.esh.class_copy(what={"DENSITY", "COUNT"}, classes={str(log.uid), str(pebble.uid)})
