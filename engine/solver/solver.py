@@ -283,8 +283,10 @@ class Solver:
             model.carry(before, carried)
             made.append((carried, new.take_over(carried.source, spots, before, old)))
 
+        descent = SurfaceDescent(model, self.launcher, start, before_edit)
+        # Not before: what is refused leaves the solver as it is.
         self._let_go(before_edit)
-        self.model, self.descent = model, SurfaceDescent(model, self.launcher, start, before_edit)
+        self.model, self.descent = model, descent
         carried, stood = made[0]
         take_steps = partial(settle_on_surface, self.descent, stood, carried.left)
         return model.body.identity[carried.source < 0], before.body.identity[carried.gone], take_steps

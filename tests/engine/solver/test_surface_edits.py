@@ -142,6 +142,24 @@ def test_an_edit_pins_bodies_by_their_identity_and_lets_them_go():
         assert not solver.placement().fixed.any() and set(solver.placement().id) == set(before.id)
 
 
+def test_a_solver_goes_on_after_an_edit_that_is_refused():
+    """It had let go of its steps by then."""
+    crowded = esh.Problem(
+        SURFACE,
+        [esh.BodyClass("moss", [esh.Size("tuft", 0.5, 3)])],
+        avoid_overlap=True,
+        obstacles=[esh.Obstacle(ball=(0.0, 0.0, -0.3, 1.25))],
+    )
+    with esh.Solver(problem(150), device="cpu") as solver:
+        solver.run(20)
+        before = solver.placement()
+        with pytest.raises(esh.ProblemError, match="leave room"):
+            solver.edit(crowded)
+        np.testing.assert_array_equal(solver.placement().position, before.position)
+        solver.run(5)
+        assert len(solver.edit(problem(160)).added) == 10
+
+
 def test_equal_edits_give_equal_bytes():
     def run():
         with esh.Solver(problem(200, upward(0.5)), device="cpu") as solver:
