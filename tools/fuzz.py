@@ -1,8 +1,8 @@
 """Solve recipes of all kinds, sensible and absurd, and look at what comes of them: ``python tools/fuzz.py --seconds 600 --seed 0``.
 
 Whatever is asked for, the answer must be one sentence and nothing changed, or a placement with exact counts, inside the domain,
-finite, on density, and a report that other code confirms. Recipes are solved in a process of their own; one that crashes, hangs or
-breaks the promise is printed, with what is needed to solve it again.
+finite, on density, and a report that other code confirms. So it is after edits from one to another. Recipes are solved in a process
+of their own; one that crashes, hangs or breaks the promise is printed, with what is needed to solve it again.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from fuzz_checks import check
+from fuzz_edits import check_edits
 from fuzz_recipes import Choices, RecipeMaker, Seeded, as_toml
 from fuzz_surfaces import SurfaceRecipeMaker
 
@@ -30,6 +31,19 @@ def any_recipe(choose: Choices, folder: Path) -> str:
     return as_toml(maker(choose, folder).recipe())
 
 
+def solve_and_edit(
+    text: str, choose: Choices, folder: Path, device: str, begin: Callable[[], object] = lambda: None
+) -> str:
+    """Look at what comes of a recipe as :func:`check` does; some that can be placed are edited, too.
+
+    ``begin`` is called before every edit, which has as much time as a recipe.
+    """
+    what = check(text, folder, device)
+    if what == "placed" and choose.pick([True, False]):
+        check_edits(folder / "recipe.toml", choose, device, begin)
+    return what
+
+
 def work(seed: int, first: int, until: float, told: Path, device: str) -> int:
     """Solve recipe after recipe until it is time; write what is under way to a file."""
     import faulthandler
@@ -40,9 +54,10 @@ def work(seed: int, first: int, until: float, told: Path, device: str) -> int:
     while time.time() < until:
         with tempfile.TemporaryDirectory(prefix="esh-fuzz-") as name:
             folder = Path(name)
-            text = any_recipe(Seeded(f"{seed}-{k}"), folder)
+            choose = Seeded(f"{seed}-{k}")
+            text = any_recipe(choose, folder)
             told.write_text(f"{k} {count['refused']} {count['placed']}\n{text}", encoding="utf-8")
-            count[check(text, folder, device)] += 1
+            count[solve_and_edit(text, choose, folder, device, told.touch)] += 1
         k += 1
     told.write_text(f"{k} {count['refused']} {count['placed']}\n", encoding="utf-8")
     return 0
@@ -63,9 +78,10 @@ def main(arguments: Sequence[str] | None = None, say: Callable[[str], None] = pr
         return work(options.seed, options.first, options.until, options.told, options.device)
     if options.only is not None:
         with tempfile.TemporaryDirectory(prefix="esh-fuzz-") as name:
-            text = any_recipe(Seeded(f"{options.seed}-{options.only}"), Path(name))
+            choose = Seeded(f"{options.seed}-{options.only}")
+            text = any_recipe(choose, Path(name))
             say(text)
-            say(check(text, Path(name), options.device))
+            say(solve_and_edit(text, choose, Path(name), options.device))
         return 0
     return _watch(options, say)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["MOST_STEPS", "check", "check_placement"]
+__all__ = ["MOST_STEPS", "check", "check_placement", "check_sentence"]
 
 MOST_STEPS = 12
 # Bodies up to which pairs are counted by brute force.
@@ -25,8 +25,7 @@ def check(text: str, folder: Path, device: str = "cpu") -> str:
     try:
         placement = esh.solve(esh.read_recipe(path), device=device, max_steps=MOST_STEPS)
     except esh.EshError as error:
-        sentence = str(error)
-        assert sentence and "\n" not in sentence and len(sentence) < 1000, f"not a sentence: {sentence!r}"
+        check_sentence(error)
         assert _contents(folder) == before, "a file was changed"
         return "refused"
     check_placement(placement)
@@ -36,6 +35,12 @@ def check(text: str, folder: Path, device: str = "cpu") -> str:
     (folder / "made.npz").unlink()
     assert _contents(folder) == before, "a file was changed"
     return "placed"
+
+
+def check_sentence(error: Exception) -> None:
+    """Raise AssertionError unless an error says one sentence."""
+    sentence = str(error)
+    assert sentence and "\n" not in sentence and len(sentence) < 1000, f"not a sentence: {sentence!r}"
 
 
 def check_placement(placement: Any) -> None:
@@ -57,9 +62,9 @@ def check_placement(placement: Any) -> None:
             assert (areas >= low * (1 - 1e-9)).all() and (areas <= high * (1 + 1e-9)).all(), "an area is another"
             if entry.line is None:
                 assert not placement.length[own].any(), "a dot has an axis"
-                assert is_surface or body_class.look_at is not None or not placement.angle[own].any(), (
-                    "a dot is turned for nothing"
-                )
+                assert (
+                    is_surface or body_class.look_at is not None or not placement.angle[own & ~placement.fixed].any()
+                ), "a dot is turned for nothing"
                 density = _density_at(placement, body_class, own & ~placement.fixed)
                 assert (density > 0.0).all(), "a dot lies where there is no density"
             else:
@@ -133,6 +138,9 @@ def _check_distances(placement: Any) -> None:
         if matrix is not None:
             kept = np.asarray(matrix)[placement.class_index[i], placement.class_index[j]] > 0.0
             touching, i, j, distance = touching[kept], i[kept], j[kept], distance[kept]
+        # Nor do pairs of fixed bodies, which no run can part.
+        kept = ~(placement.fixed[i] & placement.fixed[j])
+        touching, i, j, distance = touching[kept], i[kept], j[kept], distance[kept]
         # Positions are float32, in units of the spacing.
         rounding = 3e-5 * touching + 1e-6 * size.max()
         most = int((distance < touching + rounding).sum())

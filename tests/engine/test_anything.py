@@ -23,7 +23,7 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[2]
 with pytest.MonkeyPatch.context() as patch:
     patch.syspath_prepend(ROOT / "tools")
-    fuzz, fuzz_checks = map(importlib.import_module, ("fuzz", "fuzz_checks"))
+    fuzz, fuzz_checks, fuzz_edits = map(importlib.import_module, ("fuzz", "fuzz_checks", "fuzz_edits"))
 
 QUIETLY = settings(
     deadline=None, max_examples=int(os.environ.get("ESH_EXAMPLES", "60")), suppress_health_check=list(HealthCheck)
@@ -212,6 +212,27 @@ def test_a_placement_that_breaks_a_promise_is_told_of():
     ):
         with pytest.raises(AssertionError, match=said):
             fuzz_checks.check_placement(dataclasses.replace(placement, **broken))
+
+
+class Doubling:
+    """Decisions that lead to edits of twice as many bodies."""
+
+    def pick(self, options):
+        return "counts" if "counts" in options else options[-1]
+
+    def between(self, low, high):
+        return high
+
+
+def test_an_edit_that_breaks_a_promise_is_told_of(tmp_path, monkeypatch):
+    problem = esh.Problem(esh.Domain((4.0, 3.0)), [esh.BodyClass("a", [esh.Size("s", 1e-3, 30)])])
+    recipe = tmp_path / "recipe.toml"
+    esh.write_recipe(recipe, problem)
+    assert fuzz_edits.check_edits(recipe, Doubling()) == fuzz_edits.EDITS
+    edit = esh.Solver.edit
+    monkeypatch.setattr(esh.Solver, "edit", lambda *given, **named: edit(*given, **named)._replace(added=np.arange(1)))
+    with pytest.raises(AssertionError, match="identities differ"):
+        fuzz_edits.check_edits(recipe, Doubling())
 
 
 def test_a_placement_on_a_surface_that_breaks_a_promise_is_told_of():
