@@ -17,6 +17,7 @@ import warp as wp
 
 from ..device.launcher import Launcher
 from ..device.marked import numbers_up_to
+from ..errors import ProblemError, Reason, Refusal
 from ..problem.body_charges import BodyCharges, charges_of
 from ..problem.body_footprints import BodyFootprints, footprints_of
 from ..problem.interaction import Groups, group_bodies
@@ -337,6 +338,12 @@ def _typical_spacing(problem: Problem, surface: Surface) -> float:
     number = np.zeros(len(points.triangle))
     for body_class in problem.classes:
         density = body_class.density_on(points)
+        if not density.any():
+            # A problem that was given another surface asks for what may lie nowhere on that.
+            raise ProblemError(
+                f'`density` of class "{body_class.name}" must be above 0 somewhere on the surface; it is 0 everywhere',
+                Refusal(Reason.NO_DENSITY, 0, 0, (body_class.name, "")),
+            )
         number += body_class.body_count * density / density.mean()
     crowding = float((number**2).mean() / number.mean() ** 2)
     return math.sqrt(surface.area / (crowding * problem.charge_count))

@@ -160,6 +160,13 @@ def test_a_solver_goes_on_after_an_edit_that_is_refused():
         assert len(solver.edit(problem(160)).added) == 10
 
 
+def test_a_problem_on_another_surface_that_its_density_misses_is_refused():
+    far = esh.Surface(esh.SurfaceMesh(BALL.vertices + (9.0, 0.0, 0.0), BALL.faces))
+    there = problem(20, lambda points: 1.0 * (points.position[:, 0] < 5.0))
+    with pytest.raises(esh.ProblemError, match="0 everywhere"):
+        esh.Solver(replace(there, domain=far), device="cpu")
+
+
 def test_equal_edits_give_equal_bytes():
     def run():
         with esh.Solver(problem(200, upward(0.5)), device="cpu") as solver:
