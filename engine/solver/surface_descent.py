@@ -462,11 +462,15 @@ class SurfaceDescent:
         self.state.axis.assign(axes)
 
     def _put(self, rows: np.ndarray, spots: tuple[np.ndarray, np.ndarray]) -> None:
-        """Put some bodies somewhere."""
+        """Put some bodies somewhere; lines lie there as at the start."""
         facet, weight = self.state.facet.numpy().copy(), self.state.weight.numpy().copy()
         facet[rows], weight[rows] = spots
         self.state.facet.assign(facet)
         self.state.weight.assign(weight)
+        lines = rows[self.model.body.kind[rows] >= 0]
+        if len(lines):
+            # What lay across another facet has no length in this one, and nothing stretches such a line.
+            self._lay(lines, self.rules.first_axes(facet, tiles_of(self.facets, facet, weight))[lines])
 
     def _first_state(self, share: np.ndarray) -> SurfaceState:
         model, launcher, device = self.model, self.launcher, self.launcher.device

@@ -343,6 +343,21 @@ def test_dots_that_an_edit_makes_lines_have_a_length():
         assert not solver.placement().length.any()
 
 
+def test_lines_that_an_edit_puts_on_another_face_have_a_length():
+    """They brought the axis along that they would have had elsewhere; what lay across the face was without extent for good."""
+    box = trimesh.creation.box((1.0, 1.0, 1.0))
+    surface = esh.Surface(esh.SurfaceMesh(box.vertices, box.faces))
+
+    def upright(points):
+        return np.tile([0.0, 0.0, 1.0], (len(points.position), 1))
+
+    with esh.Solver(sticks(surface, upright, count=20, length=0.1, width=0.01), device="cpu") as solver:
+        solver.run(10)
+        for steps in (0, 1, 5):
+            solver.edit(sticks(surface, upright, count=90 + steps, length=0.1, width=0.01), steps=steps)
+            assert solver.placement().length.min() > 0.0
+
+
 def test_lines_far_apart_are_as_long_as_asked_after_an_edit():
     """What holds against their own charges was forgotten: they came to be twice as long."""
     ball = trimesh.creation.icosphere(subdivisions=2)
