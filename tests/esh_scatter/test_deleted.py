@@ -138,7 +138,6 @@ def test_what_is_not_found_in_its_library_is_left_out_with_its_file(scatter, tmp
     for item in wanted.objects:
         bpy.context.scene.collection.objects.link(item)
     scatter.classes["Beech"].active_size.source_object, wall = wanted.objects
-    scatter.classes["Beech"].name = "Barrel"
     scatter.add_class().active_size.place(wanted.collections[0])
     scatter.obstacles.add().item = wall
     run()
