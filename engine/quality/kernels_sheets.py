@@ -7,7 +7,7 @@ import math
 import warp as wp
 
 from ..surface.kernels_relations import see_each_other
-from .kernels_overlaps import ONE, ZERO, Shapes, depth_from_corners, may_overlap
+from .kernels_overlaps import ONE, ZERO, Found, Shapes, depth_from_corners, may_overlap
 
 wp.set_module_options({"enable_backward": False})
 
@@ -186,10 +186,59 @@ def depth_of_pair(i: int, j: int, sheets: Sheets, shapes: Shapes):
     return depth_on_sheet(i, j, way, distance, over, sheets, shapes)
 
 
+@wp.struct
+class GridsOfLevels:
+    """Bodies in hash grids of their own for each level of size, the largest first.
+
+    The level of every body; of every level the farthest reach, in units, a grid for bodies that are no larger, one of coarse cells for
+    those that are, and its first place in ``body``, which says who is there. ``margin`` is what rounding may make of a distance.
+    """
+
+    level: wp.array(dtype=wp.int32)
+    reach: wp.array(dtype=float)
+    grid: wp.array(dtype=wp.uint64)
+    coarse: wp.array(dtype=wp.uint64)
+    first: wp.array(dtype=wp.int32)
+    body: wp.array(dtype=wp.int32)
+    margin: float
+
+
+@wp.kernel
+def take_some(
+    first: int,
+    body: wp.array(dtype=wp.int32),
+    in_units: wp.array(dtype=wp.vec3),
+    # outputs
+    taken: wp.array(dtype=wp.vec3),
+):
+    i = first + wp.tid()
+    taken[i] = in_units[body[i]]
+
+
+@wp.func
+def with_overlap(before: Found, i: int, j: int, sheets: Sheets, shapes: Shapes, tolerance: wp.float64, most: int):
+    """What body ``i`` has been found to lie in, and whether it lies in body ``j``."""
+    found = Found()
+    found.count = before.count
+    found.deepest = before.deepest
+    found.partner = before.partner
+    counts = not may_overlap(i, j, shapes)
+    seen = see_each_other(sheets.sheet[i], sheets.sheet[j], sheets.sheet, sheets.relations)
+    if j != i and found.count < most and counts and seen:
+        depth = depth_of_pair(i, j, sheets, shapes)
+        if depth > tolerance * wp.min(shapes.width[i], shapes.width[j]):
+            found.count = found.count + 1
+            # Of equal ones the first, in whatever order they come.
+            if depth > found.deepest or (depth == found.deepest and j < found.partner):
+                found.deepest = depth
+                found.partner = j
+    return found
+
+
 @wp.kernel
 def count_on_sheets(
     first: int,
-    grid: wp.uint64,
+    levels: GridsOfLevels,
     in_units: wp.array(dtype=wp.vec3),
     unit: wp.float64,
     sheets: Sheets,
@@ -206,23 +255,18 @@ def count_on_sheets(
     No body reaches farther than a unit. A body is left as soon as ``most`` are found.
     """
     i = first + wp.tid()
-    found = int(0)
-    depth_of_deepest = wp.float64(0.0)
-    in_which = int(-1)
-    # A little farther than they reach, because places in units are rounded.
-    query = wp.hash_grid_query(grid, in_units[i], 1.001 * (1.0 + float(shapes.reach[i] / unit)))
-    j = int(0)
-    while wp.hash_grid_query_next(query, j):
-        counts = not may_overlap(i, j, shapes)
-        seen = see_each_other(sheets.sheet[i], sheets.sheet[j], sheets.sheet, sheets.relations)
-        if j != i and found < most and counts and seen:
-            depth = depth_of_pair(i, j, sheets, shapes)
-            if depth > tolerance * wp.min(shapes.width[i], shapes.width[j]):
-                found += 1
-                # Of equal ones the first, in whatever order they come.
-                if depth > depth_of_deepest or (depth == depth_of_deepest and j < in_which):
-                    depth_of_deepest = depth
-                    in_which = j
-    overlaps[i] = found
-    deepest[i] = depth_of_deepest
-    partner[i] = in_which
+    found = Found()
+    found.partner = -1
+    for m in range(levels.grid.shape[0]):
+        within = float(shapes.reach[i] / unit) + levels.reach[m] + levels.margin
+        grid = levels.grid[m]
+        if levels.level[i] < m:
+            grid = levels.coarse[m]
+        query = wp.hash_grid_query(grid, in_units[i], within)
+        k = int(0)
+        while wp.hash_grid_query_next(query, k):
+            j = levels.body[levels.first[m] + k]
+            found = with_overlap(found, i, j, sheets, shapes, tolerance, most)
+    overlaps[i] = found.count
+    deepest[i] = found.deepest
+    partner[i] = found.partner

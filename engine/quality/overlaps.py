@@ -17,6 +17,7 @@ from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
 from ..space.cell_sort import CellSort
 from ..space.meeting import meeting_of
+from ..space.size_levels import coarse_cells, levels_of
 from ..space.space import Space
 from . import kernels_overlaps, kernels_sheets
 from .bodies_on_surface import BodiesOnSurface, bodies_on_surface
@@ -41,10 +42,14 @@ TOLERANCE = 1e-3
 MOST_OVERLAPS_PER_BODY = 200
 # Bodies that are named.
 MOST_NAMED = 10_000
-# Levels of size, each of bodies within a factor of two; whatever is smaller still goes into the last.
+# Levels of size in the plane, each of bodies within a factor of two; whatever is smaller still goes into the last.
 MOST_LEVELS = 12
 # Cells along every axis of the table in which bodies on a surface are looked up.
 HASHED_CELLS = 128
+# The same where there are several tables, one for each level of size.
+HASHED_CELLS_OF_LEVELS = 64
+# Over the largest reach, in whose units cells are made.
+SMALLEST_REACH = 1e-6
 # Periods to either side in which images of a body are looked for; of one that spans more of them, not all overlaps are found.
 MOST_IMAGES = 4
 
@@ -302,8 +307,8 @@ def overlaps_on_sheets(
     unit = _largest_reach(shapes, launcher)
     # Only cells are in units.
     in_units = bodies.in_units(launcher, unit)
-    grid = wp.HashGrid(HASHED_CELLS, HASHED_CELLS, HASHED_CELLS, device=launcher.device)
-    grid.build(in_units, 2.0)
+    # Grids go with what refers to them.
+    levels, _grids = _grids_of_levels(shapes.reach.numpy() / unit, in_units, launcher)
     sheets.copies, sheets.most_corners = len(shapes.corner) - n * most_corners, most_corners
     found, deepest, partner = (launcher.empty(n, kind) for kind in (wp.int32, wp.float64, wp.int32))
 
@@ -311,7 +316,7 @@ def overlaps_on_sheets(
         launcher.launch(
             kernels_sheets.count_on_sheets,
             n,
-            [grid.id, in_units, unit, sheets, shapes, TOLERANCE, MOST_OVERLAPS_PER_BODY],
+            [levels, in_units, unit, sheets, shapes, TOLERANCE, MOST_OVERLAPS_PER_BODY],
             [found, deepest, partner],
             grain=GRAIN_OF_NEIGHBORS,
         )
@@ -360,6 +365,36 @@ def _laid_on_sheets(
         for values, more in ((shapes.rounding, margin), (shapes.reach, margin), (shapes.width, 2.0 * margin)):
             values.assign(values.numpy() + more)
     return shapes
+
+
+def _grids_of_levels(
+    reach: np.ndarray, in_units: wp.array, launcher: Launcher
+) -> tuple[kernels_sheets.GridsOfLevels, list[wp.HashGrid]]:
+    """Bodies in grids by how far they reach, in units: many small ones do not lie in the cells of a few large ones."""
+    level, level_reach = levels_of(np.maximum(reach, SMALLEST_REACH), coarse=True)
+    order = np.argsort(level, kind="stable").astype(np.int32)
+    first = np.searchsorted(level[order], np.arange(len(level_reach) + 1)).astype(np.int32)
+    side = HASHED_CELLS if len(level_reach) == 1 else HASHED_CELLS_OF_LEVELS
+    grids = []
+    for m, sizes in enumerate(zip(2.0 * level_reach, coarse_cells(level_reach), strict=True)):
+        own = launcher.array(order[first[m] : first[m + 1]], wp.int32)
+        taken = launcher.empty(len(own), wp.vec3)
+        launcher.launch(kernels_sheets.take_some, len(own), [own, in_units], [taken])
+        # Nobody is larger than those of the first level.
+        for size in sizes if m else sizes[:1]:
+            grid = wp.HashGrid(side, side, side, device=launcher.device)
+            grid.build(taken, float(size))
+            grids.append(grid)
+    identities = np.array([grid.id for grid in grids], np.uint64)
+    levels = kernels_sheets.GridsOfLevels()
+    levels.level = launcher.array(level, wp.int32)
+    levels.reach = launcher.array(level_reach.astype(np.float32), float)
+    levels.grid = launcher.array(np.concatenate([identities[:1], identities[1::2]]), wp.uint64)
+    levels.coarse = launcher.array(np.concatenate([identities[:1], identities[2::2]]), wp.uint64)
+    levels.first, levels.body = launcher.array(first, wp.int32), launcher.array(order, wp.int32)
+    # A thousandth of the largest reach, and what single precision makes of places this far from the middle.
+    levels.margin = 1e-3 + float(np.finfo(np.float32).eps * np.abs(in_units.numpy()).max())
+    return levels, grids
 
 
 def _sheets(bodies: BodiesOnSurface, launcher: Launcher) -> kernels_sheets.Sheets:

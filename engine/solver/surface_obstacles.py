@@ -12,10 +12,11 @@ from ..problem.outlines_on_surface import OutlinesOnSurface
 from ..problem.problem import Problem
 from ..problem.surface import Surface
 from ..space.cell_sort import CellSort
+from ..space.size_levels import levels_of
 from ..surface.facets import Facets
 from . import kernels_obstacles
 from .model import Model
-from .surface_contact import SLOTS_PER_BODY, levels_of
+from .surface_contact import SLOTS_PER_BODY
 from .surface_places import Spots, spots_near_points
 
 __all__ = ["clear_of_outlines", "outlines_among", "outlines_on_ground", "rooms", "spots_of_outlines"]

@@ -12,6 +12,7 @@ import warp as wp
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.unit_vectors import tangent_frame
 from ..space.cell_sort import CellSort
+from ..space.size_levels import levels_of
 from ..surface.facets import Facets
 from . import (
     kernels_bends,
@@ -27,7 +28,7 @@ from .changes_of_place import best_of_lanes
 from .footprint_tables import footprint_tables
 from .model import Model
 from .separation import PLACES_OF_JUMP, SKIN, TOLERANCE, ProposedPlaces, Separation
-from .surface_contact import SLOTS_PER_BODY, levels_of
+from .surface_contact import SLOTS_PER_BODY
 from .surface_obstacles import outlines_among, spots_of_outlines
 from .surface_places import TilePlaces
 from .surface_state import SurfaceState

@@ -1,5 +1,6 @@
 """Figures of placements on surfaces, beside SciPy's."""
 
+import time
 from contextlib import closing
 from dataclasses import replace
 
@@ -18,10 +19,13 @@ from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
+from esh.engine.quality.bodies_on_surface import bodies_on_surface
 from esh.engine.quality.kernels_sheets import on_one_sheet
 from esh.engine.quality.measurement import measure
+from esh.engine.quality.overlaps import MOST_OVERLAPS_PER_BODY, find_overlaps_on_surface
 from esh.engine.quality.sheets import sheets_of
 from esh.engine.solve import solve
+from scipy.spatial import cKDTree
 
 
 @pytest.fixture(scope="module")
@@ -348,3 +352,24 @@ def test_the_report_after_a_run_is_that_of_the_placement_alone(device, launcher)
     assert report.coverage_error == pytest.approx(alone.coverage_error, rel=1e-3)
     assert report.smallest_spacing == pytest.approx(alone.smallest_spacing, rel=1e-3)
     assert report.coverage_error < 0.01
+
+
+def test_many_small_bodies_among_a_few_large_ones_are_counted_quickly(launcher):
+    """Each small one saw all others within a large one's reach: of 86,000 bodies counting took minutes."""
+    corners = 10.0 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    ground = Surface(SurfaceMesh(corners, [[0, 1, 2], [0, 2, 3]]))
+    grass, trees = BodyClass("grass", [Size("tuft", 1e-3, 40_000)]), BodyClass("trees", [Size("tree", 30.0, 4)])
+    placement = solve(Problem(ground, [grass, trees], seed=1), device="cpu", max_steps=3)
+    position, radius = placement.position, np.sqrt(placement.area / np.pi)
+    large = placement.class_index == 1
+    small, least = position[~large], 2e-3 * radius.min()
+    pairs = len(cKDTree(small).query_pairs(2.0 * radius.min() - least))
+    covered = 0
+    for place, own in zip(position[large], radius[large], strict=True):
+        covered += np.count_nonzero(own + radius.min() - np.linalg.norm(small - place, axis=1) > least)
+    assert pairs > 1000 and covered > 1000
+    start = time.process_time()
+    found = find_overlaps_on_surface(placement, bodies_on_surface(placement, launcher), launcher)
+    assert time.process_time() - start < 2.0
+    # Of a large one so many are counted at most.
+    assert found.count == pairs + (covered + 4 * MOST_OVERLAPS_PER_BODY) // 2
