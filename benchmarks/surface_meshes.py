@@ -27,6 +27,14 @@ def sphere(subdivisions: int = 4) -> tuple[np.ndarray, np.ndarray]:
     return np.array(mesh.vertices), np.array(mesh.faces)
 
 
+def hills(cells: int = 120) -> tuple[np.ndarray, np.ndarray]:
+    """Ground of 60 m x 60 m with hills of 8 m."""
+    line = np.linspace(0.0, 60.0, cells + 1)
+    vertices, triangles = _grid(line, line)
+    vertices[:, 2] = 4.0 * np.sin(vertices[:, 0] / 9.0) * np.cos(vertices[:, 1] / 11.0)
+    return vertices, triangles
+
+
 def torus() -> tuple[np.ndarray, np.ndarray]:
     """A torus of radii 1 and 0.4."""
     mesh = trimesh.creation.torus(1.0, 0.4, major_sections=96, minor_sections=48)

@@ -166,6 +166,24 @@ def times(counts: list[int], device: str) -> None:
         )
 
 
+def times_apart(counts: list[int], device: str) -> None:
+    """Of bodies that keep apart: many small ones alone, and among large ones."""
+    print("\n| bodies on hills | cover | overlaps | steps | with report [s] |\n|---|---|---|---|---|")
+    ground = esh.Surface(esh.SurfaceMesh(*meshes.hills()))
+    for count in counts:
+        for trees in (0, 20):
+            tuft = esh.BodyClass("grass", [esh.Size("tuft", 0.25 * ground.area / count, count)])
+            tree = esh.BodyClass("trees", [esh.Size("tree", 0.01 * ground.area, trees)])
+            classes = [tuft, tree] if trees else [tuft]
+            # Kernels are loaded in a first one.
+            for steps in (1, 100):
+                problem = esh.Problem(ground, classes, avoid_overlap=True)
+                report = esh.solve(problem, device=device, max_steps=steps).report
+            name = f"{count:,} small" + (f", {trees} large" if trees else "")
+            cover = 0.25 + 0.01 * trees
+            print(f"| {name} | {cover:.0%} | {report.overlaps} | {report.steps} | {report.seconds:.1f} |", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--device", default="cpu")
@@ -174,7 +192,8 @@ def main() -> None:
     parser.add_argument("--times", nargs="*", type=int, help="measure times for so many bodies instead")
     options = parser.parse_args()
     if options.times is not None:
-        times(options.times or [100_000], options.device)
+        for measure in (times, times_apart):
+            measure(options.times or [100_000], options.device)
         return
     monkey, coarse = suzanne(2), suzanne(0)
     single: list[tuple[str, Callable[[], tuple], str]] = [
