@@ -1,6 +1,7 @@
 """Whatever is set in the sidebar: the button places objects or says in one sentence why not."""
 
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,21 +13,10 @@ from esh.esh_scatter import registration  # noqa: E402
 from hypothesis import HealthCheck, given, settings  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
 
-# Set by the fixture, or no settings; counts stay small, so that a run takes a moment.
-KEPT = {
-    "rna_type",
-    "result",
-    "live",
-    "uid",
-    "known_name",
-    "named_after",
-    "report_json",
-    "ran_with",
-    "device",
-    "max_steps",
-    "version",
-}
-MOST = 25
+with pytest.MonkeyPatch.context() as patch:
+    patch.syspath_prepend(Path(__file__).parent)
+    from sidebar_walk import KEPT, MOST
+
 WORDS = st.sampled_from(["", "Pine", "weights", "UVMap", "nobody knows", "Ä, ö"])
 
 
