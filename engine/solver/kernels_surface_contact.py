@@ -68,6 +68,21 @@ class Pushes:
 
 
 @wp.struct
+class Lanes:
+    """Bodies around which so many others lie that several threads look after each: which, and how many threads these are.
+
+    And of every body which of them it is, -1 for all others; and what every thread has found: a shift in the body's plane, a turn
+    and how many push it, and how many of these overlap it.
+    """
+
+    body: wp.array(dtype=wp.int32)
+    each: wp.int32
+    number: wp.array(dtype=wp.int32)
+    push: wp.array(dtype=wp.vec4)
+    overlaps: wp.array(dtype=wp.int32)
+
+
+@wp.struct
 class Total:
     """What pushes a body so far: a shift in its plane and a turn; how many do, how many of these overlap it, and how many are near."""
 
@@ -242,6 +257,8 @@ def with_push(before: Total, push: Push, touching: float):
 def add_pushes_of_cell(
     before: Total,
     i: int,
+    lane: int,
+    lanes: int,
     here: Here,
     cell: wp.vec3i,
     level: int,
@@ -254,10 +271,10 @@ def add_pushes_of_cell(
     slack: float,
     nearby: Nearby,
 ):
-    """What pushes body ``i`` so far, and what the bodies of a level in a cell add to it; those that are near are noted."""
+    """What pushes body ``i`` so far, and what one in ``lanes`` bodies of a level in a cell adds; those that are near are noted."""
     total = before
     slot = slot_of_level(cell, level, slots.mask)
-    for s in range(slots.start[slot], slots.start[slot + 1]):
+    for s in range(slots.start[slot] + lane, slots.start[slot + 1], lanes):
         j = slots.order[s]
         wanted = j != i and footprints.level[j] == level and keep_apart(i, j, footprints.meeting)
         if wanted and same_cell(cell_at(slots.sorted_at[j], inverse_cell), cell):
@@ -279,6 +296,8 @@ def add_pushes_of_cell(
 def add_pushes_of_level(
     before: Total,
     i: int,
+    lane: int,
+    lanes: int,
     here: Here,
     level: int,
     inverse_cell: float,
@@ -301,9 +320,80 @@ def add_pushes_of_level(
     for number in range(counts[0] * counts[1] * counts[2]):
         cell = low + cell_of_block(number, counts)
         total = add_pushes_of_cell(
-            total, i, here, cell, level, inverse_cell, poses, position, slots, footprints, ground, slack, nearby
+            total,
+            i,
+            lane,
+            lanes,
+            here,
+            cell,
+            level,
+            inverse_cell,
+            poses,
+            position,
+            slots,
+            footprints,
+            ground,
+            slack,
+            nearby,
         )
     return total
+
+
+@wp.func
+def pushes_of_cells(
+    i: int,
+    lane: int,
+    lanes: int,
+    here: Here,
+    poses: Poses,
+    position: wp.array(dtype=wp.vec3),
+    slots: Slots,
+    coarse: Slots,
+    footprints: Footprints,
+    ground: Ground,
+    slack: float,
+    nearby: Nearby,
+):
+    """What pushes body ``i``: of the bodies in every cell around it one in ``lanes``, from number ``lane`` on."""
+    total = Total()
+    for m in range(footprints.level_count):
+        if m <= footprints.level[i]:
+            cell = footprints.inverse_cell[m]
+            total = add_pushes_of_level(
+                total, i, lane, lanes, here, m, cell, poses, position, slots, footprints, ground, slack, nearby
+            )
+        else:
+            # Of far smaller ones there are many cells around it, and few bodies in most.
+            cell = footprints.inverse_coarse_cell[m]
+            total = add_pushes_of_level(
+                total, i, lane, lanes, here, m, cell, poses, position, coarse, footprints, ground, slack, nearby
+            )
+    return total
+
+
+@wp.kernel
+def push_in_lanes(
+    first: int,
+    poses: Poses,
+    position: wp.array(dtype=wp.vec3),
+    slots: Slots,
+    coarse: Slots,
+    footprints: Footprints,
+    ground: Ground,
+    slack: float,
+    unlisted: Nearby,
+    # outputs
+    lanes: Lanes,
+):
+    """What every thread of a body finds that many others lie around; there is no room to list them."""
+    t = first + wp.tid()
+    i = lanes.body[t // lanes.each]
+    here = stand(position[i], poses.facet[i], poses.axis[i], footprints.radius[i], footprints.mass[i], ground)
+    total = pushes_of_cells(
+        i, t % lanes.each, lanes.each, here, poses, position, slots, coarse, footprints, ground, slack, unlisted
+    )
+    lanes.push[t] = wp.vec4(total.shift[0], total.shift[1], total.turn, total.count)
+    lanes.overlaps[t] = total.overlaps
 
 
 @wp.kernel
@@ -317,36 +407,34 @@ def push_apart(
     ground: Ground,
     slack: float,
     damping: float,
+    lanes: Lanes,
     # outputs
     nearby: Nearby,
     pushes: Pushes,
 ):
     """The shift and turn that bring every body out of those that it overlaps; how many push it, and how many of them overlap it.
 
-    Where it is not known who is near it looks into cells, and notes them.
+    Where it is not known who is near it looks into cells, and notes them; or takes what several threads have found.
     """
     i = first + wp.tid()
     here = stand(position[i], poses.facet[i], poses.axis[i], footprints.radius[i], footprints.mass[i], ground)
     total = Total()
-    if nearby.count[i] >= 0:
+    if lanes.number[i] >= 0:
+        begin = lanes.number[i] * lanes.each
+        for t in range(begin, begin + lanes.each):
+            found = lanes.push[t]
+            total.shift += wp.vec2(found[0], found[1])
+            total.turn += found[2]
+            total.count += found[3]
+            total.overlaps += lanes.overlaps[t]
+    elif nearby.count[i] >= 0:
         begin = i * nearby.room
         for k in range(begin, begin + nearby.count[i]):
             j = nearby.body[k]
             push = pushed_by(i, j, here, poses.facet[j], position[j], poses.axis[j], footprints, ground, slack)
             total = with_push(total, push, here.footprint.radius + footprints.radius[j])
     else:
-        for m in range(footprints.level_count):
-            if m <= footprints.level[i]:
-                cell = footprints.inverse_cell[m]
-                total = add_pushes_of_level(
-                    total, i, here, m, cell, poses, position, slots, footprints, ground, slack, nearby
-                )
-            else:
-                # Of far smaller ones there are many cells around it, and few bodies in most.
-                cell = footprints.inverse_coarse_cell[m]
-                total = add_pushes_of_level(
-                    total, i, here, m, cell, poses, position, coarse, footprints, ground, slack, nearby
-                )
+        total = pushes_of_cells(i, 0, 1, here, poses, position, slots, coarse, footprints, ground, slack, nearby)
         if total.near <= nearby.room:
             nearby.count[i] = total.near
     scale = scale_of_pushes(total.count, damping)

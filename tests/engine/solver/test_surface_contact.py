@@ -38,6 +38,24 @@ def test_who_is_listed_as_near_is_who_is_found_in_every_round(among_trees, monke
     np.testing.assert_allclose(*positions, atol=2e-4)
 
 
+def test_several_threads_find_together_what_one_finds(among_trees, monkeypatch):
+    found = []
+    for many in (64, np.inf):
+        monkeypatch.setattr(surface_contact, "MANY_AROUND", many)
+        with Solver(among_trees, device="cpu") as solver:
+            trees = np.flatnonzero(solver.model.body.class_index == 1)
+            contact = solver.descent.contact
+            assert set(contact._lanes.body.numpy()) == (set(trees) if many == 64 else set())
+            contact._find()
+            contact._round()
+            found.append([array.numpy()[trees] for array in (contact._pushes.shift, contact._pushes.overlaps)])
+    (several, overlaps), (one, others) = found
+    # The same, but for the order in which pushes are added up.
+    np.testing.assert_allclose(several, one, rtol=1e-4)
+    np.testing.assert_array_equal(overlaps, others)
+    assert (overlaps > 10).all() and (np.linalg.norm(one, axis=1) > 0.0).all()
+
+
 def test_large_bodies_find_small_ones_and_keep_them_off(among_trees):
     start = time.process_time()
     placement = solve(among_trees, device="cpu")
