@@ -108,7 +108,7 @@ def of_image(image: bpy.types.Image | None) -> int:
 
 def of_shape(item: bpy.types.Object) -> int:
     """Return the number of a mesh object's vertices and corners, as they are stored and as its modifiers make them."""
-    return worked_out(("shape", item.session_uid), lambda: _shape_number(item))
+    return _worked_out_of("shape", item, lambda: _shape_number(item))
 
 
 def of_ground(item: bpy.types.Object) -> int:
@@ -121,12 +121,12 @@ def of_ground(item: bpy.types.Object) -> int:
     shown = [modifier for modifier in item.modifiers if modifier.show_viewport]
     if all(modifier.type != "SUBSURF" for modifier in shown) or any(_step(modifier) is None for modifier in shown):
         return of_shape(item)
-    return worked_out(("subdivided", item.session_uid), lambda: _subdivided_number(item))
+    return _worked_out_of("subdivided", item, lambda: _subdivided_number(item))
 
 
 def of_object(item: bpy.types.Object) -> int:
     """Return the number of an object to place: its shape, rotation and scale; where it stands does not count."""
-    return worked_out(("object", item.session_uid), lambda: _object_number(item))
+    return _worked_out_of("object", item, lambda: _object_number(item))
 
 
 def of_members(members: Sequence[bpy.types.Object]) -> int:
@@ -144,17 +144,17 @@ def of_collection(collection: bpy.types.Collection) -> int:
 
 def of_weights(item: bpy.types.Object, name: str) -> int:
     """Return the number of a vertex group's weights."""
-    return worked_out(("weights", item.session_uid, name), lambda: _weights_number(item, name))
+    return _worked_out_of("weights", item, lambda: _weights_number(item, name), name)
 
 
 def of_attribute(item: bpy.types.Object, name: str) -> int:
     """Return the number of an attribute's or a UV map's values; the active UV map where the name is empty."""
-    return worked_out(("attribute", item.session_uid, name), lambda: _attribute_number(item, name))
+    return _worked_out_of("attribute", item, lambda: _attribute_number(item, name), name)
 
 
 def of_points(result: bpy.types.Object) -> int:
     """Return the number of what stands on a result's points: where, how turned and how large."""
-    return worked_out(("points", result.session_uid), lambda: _points_number(result))
+    return _worked_out_of("points", result, lambda: _points_number(result))
 
 
 def pose_of(item: bpy.types.Object) -> list[list[float]]:
@@ -178,6 +178,15 @@ def worked_out(key: tuple[Any, ...], work: Callable[[], int]) -> int:
     end = time.perf_counter()
     _kept[key] = _Kept(value, end, end - start)
     return value
+
+
+def _worked_out_of(what: str, item: bpy.types.Object, work: Callable[[], int], name: str = "") -> int:
+    """Return a number of an object as :func:`worked_out` does, but of a mesh in Edit Mode the last one from before."""
+    key = what, item.session_uid, name
+    known = _kept.get(key)
+    if known is not None and isinstance(item.data, bpy.types.Mesh) and item.data.is_editmode:
+        return known.value
+    return worked_out(key, work)
 
 
 def _crc(values: np.ndarray) -> int:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
+bmesh = pytest.importorskip("bmesh")
 
 from esh.esh_scatter.targets import checksums  # noqa: E402
 
@@ -299,6 +300,31 @@ def test_renaming_changes_nothing(scatter):
         for number, item in enumerate(items):
             item.name = f"{'zyxwvutsrqponmlkjihg'[number % 20]} {number}"
     assert not active().outdated and active().changes() == []
+
+
+@pytest.mark.parametrize("name", ["Ground", "Tree 1", "Tree 4"])
+def test_in_edit_mode_nothing_has_changed_until_what_was_edited_is_left(scatter, name):
+    """Blender keeps to itself what is edited: ground and objects that nobody had touched were called changed."""
+    item = bpy.data.objects[name]
+    same_mesh = item.copy()
+    bpy.context.scene.collection.objects.link(same_mesh)
+    edit_and_change(same_mesh, 0.0)
+    assert active().changes() == []
+    said = "shape or place of the target" if name == "Ground" else f"{name} edited"
+    edit_and_change(item, 0.3)
+    assert said in active().changes()
+
+
+def edit_and_change(item, by):
+    """Move the vertices of an object in Edit Mode; there, nothing is called changed yet."""
+    bpy.context.view_layer.objects.active = item
+    bpy.ops.object.mode_set(mode="EDIT")
+    bm = bmesh.from_edit_mesh(item.data)
+    bm.verts.ensure_lookup_table()
+    bm.verts[0].co.z += by
+    bmesh.update_edit_mesh(item.data)
+    assert active().changes() == []
+    bpy.ops.object.mode_set(mode="OBJECT")
 
 
 @pytest.mark.parametrize("kind", ["LINK_COPY", "FULL_COPY"])
