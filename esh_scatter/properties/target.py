@@ -6,7 +6,7 @@
 import bpy
 from bpy.props import EnumProperty, PointerProperty
 
-from ..targets.in_scenes import is_in
+from ..targets.in_scenes import is_in, is_in_layer
 from .gone import not_found
 
 __all__ = ["WithTarget"]
@@ -85,7 +85,7 @@ class WithTarget:
                 return "Choose a collection: the meshes to scatter on"
             if not any(is_in(scene, item) for item in self.targets):
                 return f'Collection "{self.target_collection.name}" has no mesh in this scene; choose another target'
-            return self._faces_obstacle()
+            return self._hidden_obstacle(scene) or self._faces_obstacle()
         if self.target is None:
             return "Choose a target: the mesh to scatter on"
         if text := not_found(self.target):
@@ -94,7 +94,23 @@ class WithTarget:
             return f'"{self.target.name}" is not a mesh; choose a mesh as the target'
         if not is_in(scene, self.target):
             return f'"{self.target.name}" is no longer in this scene; choose another target'
-        return self._faces_obstacle()
+        return self._hidden_obstacle(scene) or self._faces_obstacle()
+
+    def _hidden_obstacle(self, scene: bpy.types.Scene) -> str | None:
+        """Return that nothing of the target is shown, so that Blender does not evaluate it, as one sentence, or None."""
+        from ..targets.target import is_shown_in
+
+        layer = bpy.context.view_layer
+        # What the view layers of other scenes show may be out of date.
+        if layer is None or scene != bpy.context.scene or any(is_shown_in(layer, item) for item in self.targets):
+            return None
+        if self.target_kind == "COLLECTION":
+            return f'No mesh of collection "{self.target_collection.name}" is visible; show one to scatter on it'
+        if is_in_layer(layer, self.target):
+            return f'"{self.target.name}" is hidden; make it visible to scatter on it'
+        return (
+            f'"{self.target.name}" is excluded from view layer "{layer.name}"; include its collection to scatter on it'
+        )
 
     def _faces_obstacle(self) -> str | None:
         """Return that there is nothing to stand on, as one sentence that says what to do, or None."""

@@ -249,6 +249,33 @@ def test_a_target_without_faces_is_told_of_before_a_run(scatter):
     assert scatter.obstacle(bpy.context.scene) == said
 
 
+@pytest.mark.parametrize("how", ["hidden", "disabled", "excluded"])
+def test_a_target_that_is_not_shown_is_said_before_the_button_is_pressed(scatter, how):
+    """The status said that all was well, and Update made an error."""
+    ground, layer = scatter.target, bpy.context.view_layer
+    group = bpy.data.collections.new("Tiles")
+    bpy.context.scene.collection.children.link(group)
+    bpy.context.scene.collection.objects.unlink(ground)
+    group.objects.link(ground)
+    scatter.target_collection = group
+    assert scatter.target_obstacle(bpy.context.scene) is None
+    ground.hide_set(how == "hidden")
+    ground.hide_viewport = how == "disabled"
+    layer.layer_collection.children["Tiles"].exclude = how == "excluded"
+    said = f'"{ground.name}" is hidden; make it visible to scatter on it'
+    if how == "excluded":
+        said = f'"{ground.name}" is excluded from view layer "{layer.name}"; include its collection to scatter on it'
+    assert scatter.target_obstacle(bpy.context.scene) == said and not bpy.ops.esh.scatter.poll()
+    scatter.target_kind = "COLLECTION"
+    assert (
+        scatter.target_obstacle(bpy.context.scene)
+        == 'No mesh of collection "Tiles" is visible; show one to scatter on it'
+    )
+    assert scatter.target_obstacle(bpy.data.scenes.new("Other")) != scatter.target_obstacle(bpy.context.scene)
+    group.objects.link(new_object("Tile"))
+    assert how == "excluded" or scatter.target_obstacle(bpy.context.scene) is None
+
+
 def test_of_a_tile_that_is_added_it_is_said_that_counts_stay(scatter):
     scatter.add_class().sizes[0].source_object = new_object("Tree")
     scatter.remember(scatter.target, {"steps": 3})
