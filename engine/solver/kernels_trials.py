@@ -215,6 +215,29 @@ def lies_in_support(
 
 
 @wp.kernel
+def find_outside(
+    first: int,
+    bodies: Bodies,
+    bend: wp.array(dtype=float),
+    images: Images,
+    crowd: Crowd,
+    # outputs
+    outside: wp.array(dtype=wp.int32),
+):
+    """Whether every body that moves lies partly where it may not be."""
+    i = first + wp.tid()
+    outlines = crowd.outlines
+    found = int(0)
+    if outlines.lightness[i] > 0.0:
+        own = crowd.pose[i]
+        at = wp.vec2(own[0], own[1])
+        support = bodies.support[outlines.body[i]]
+        if not lies_in_support(i, at, own[2], outlines, bodies, bend, support, images, crowd.neighbors.grid.space):
+            found = 1
+    outside[i] = found
+
+
+@wp.kernel
 def propose_places(
     first: int,
     stuck: wp.array(dtype=wp.int32),

@@ -16,7 +16,7 @@ from .changes_of_place import best_of_lanes
 from .footprint_tables import footprint_tables
 from .guidance import Guidance
 from .model import Model
-from .separation import SKIN, TOLERANCE, ProposedPlaces, Separation
+from .separation import MOST_JUMPS, SKIN, TOLERANCE, ProposedPlaces, Separation
 from .spatial_order import spatial_order
 from .standing_outlines import StandingOutlines, standing_outlines
 from .supports import parted_from_obstacles
@@ -27,6 +27,8 @@ __all__ = ["PlaneSeparation"]
 # with 0.3 two turns at right angles leave 341 pairs at 55 %, and one turn among random ones 465 at 60 %; with 0.6 the first leave 37;
 # with 0.85 neither any.
 LEAST_PARALLEL = 0.9
+# A line that found no room to grow among obstacles is as long as it is to be from here on, if it has less than this share of that.
+GROWN = 0.9
 # Periods that an image of a body may be away.
 MOST_IMAGES = 8
 
@@ -64,7 +66,8 @@ class PlaneSeparation(Separation):
         low, high = ((0.0, 0.0), domain.size) if room is None else room
         self._room = wp.vec4(*(float(side) / unit for side in (*low, *high)))
         given = pose.numpy()
-        length = given[:, 3].astype(np.float64) * unit
+        self._given_length = given[:, 3].astype(np.float64) * unit
+        length, self._stunted = _grown(model, self._given_length)
         tables = footprint_tables(model.footprints, length, model.widths(length) if model.kinds else np.zeros(n))
         is_line = model.body.kind >= 0
         start_turn = turn.numpy().astype(np.float64)
@@ -81,6 +84,7 @@ class PlaneSeparation(Separation):
             )
         m = len(standing)
         tables = tables.followed_by(standing.outlines, standing.position, np.arange(m), np.ones(m), np.zeros(m))
+        self._length = length
         super().__init__(model, launcher, tables, order, length, np.where(is_line, start_turn, 0.0))
         everything = np.concatenate([order, np.arange(n, n + len(standing))])
         reach = tables.reach / unit
@@ -239,6 +243,25 @@ class PlaneSeparation(Separation):
             kernels_trials.propose_swaps, len(stuck), [stuck, *inputs, self._crowd, self._cost], outputs, grain=8
         )
 
+    def _come_in(self) -> None:
+        if not len(self._stunted):
+            return
+        outside = self.launcher.zeros(self._count, wp.int32)
+        stuck = np.empty(0, np.int64)
+        for number in range(MOST_JUMPS):
+            self._rebuild()
+            inputs = [self._bodies, self._bend, self._images, self._crowd]
+            self.launcher.launch(kernels_trials.find_outside, self._count, inputs, [outside])
+            stuck = np.flatnonzero(outside.numpy())
+            if not len(stuck) or not self._jump(stuck, number, kernels_trials.PINNED_COST):
+                break
+        # Who finds no room at full length stays as short as before, and so can move at least.
+        still = stuck[np.isin(self._order[stuck], self._stunted)]
+        length = self._outlines.length.numpy().copy()
+        length[still] = self._given_length[self._order[still]] / self._model.unit
+        self._outlines.length.assign(length)
+        self._stunted = np.setdiff1d(self._stunted, self._order[still])
+
     def _propose_places(self, stuck: np.ndarray, candidates: int, seed: int) -> ProposedPlaces:
         launcher, lanes = self.launcher, self._lanes(len(stuck))
         n = lanes * len(stuck)
@@ -294,6 +317,7 @@ class PlaneSeparation(Separation):
         lines, order = self._is_line[self._order], self._order
         pose[order, :2] = self._model.space.wrapped(crowd_pose[:, :2])
         pose[order[lines], 2] = crowd_pose[lines, 2]
+        pose[self._stunted, 3] = self._length[self._stunted] / self._model.unit
         dots = ~lines
         turn[order[dots]] = crowd_pose[dots, 2]
         self._pose.assign(pose)
@@ -321,3 +345,20 @@ class PlaneSeparation(Separation):
         crowd.images, crowd.inset = self._crowd.images, self._crowd.inset
         launcher.launch(kernels_bends.find_room, n, [crowd, widest], [room], grain=GRAIN_OF_NEIGHBORS)
         launcher.launch(kernels_bends.straighten, n, [self._outlines, self._bodies, widest, room], [self._bend])
+
+
+def _grown(model: Model, length: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return lengths of axes [m], shape ``[n]``, and the numbers of those that are longer than they were.
+
+    Outlines that lie along axes have the size that they have, however long these have become: one between an obstacle and the border
+    would stand in the obstacle, with an axis beside it. From convex obstacles outlines are parted as they are.
+    """
+    if not model.kinds or all(obstacle.outline is not None for obstacle in model.problem.obstacles):
+        return length, np.empty(0, np.int64)
+    lines = [kind.line for kind in model.kinds]
+    asked = np.array([line.shortest if line.shortest == line.longest else 0.0 for line in lines] + [0.0])
+    wanted = np.where(model.footprints.is_outline & ~model.fixed, asked[model.body.kind], 0.0)
+    stunted = np.flatnonzero(length < GROWN * wanted)
+    result = length.copy()
+    result[stunted] = wanted[stunted]
+    return result, stunted

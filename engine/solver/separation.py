@@ -336,16 +336,29 @@ class Separation(ABC):
         stuck = np.concatenate([np.flatnonzero(movable & wedged), some[:: -(-max(len(some), 1) // MOST_AT_ONCE)]])
         if not len(stuck):
             return 0
+        # Who is caught among bodies that give way goes where it is better by far.
+        enough = np.maximum(keep, KEEP_PLACES * before[stuck])
+        return self._jump(stuck, number, np.where(wedged[stuck], kernels_trials.PINNED_COST, enough))
+
+    def _jump(self, stuck: np.ndarray, number: int, enough: float | np.ndarray) -> int:
+        """Have bodies jump to other places around them, where these leave fewer squared overlaps than ``enough``; returns how many do.
+
+        Args:
+            stuck: Their numbers.
+            number: Of the pass.
+            enough: One for all, or one for each.
+        """
         seed = (self._model.problem.seed * 7919 + (1 << 21) + number) % (1 << 31)
         candidates = min(PLACES_OF_JUMP, max(FEWEST_PLACES, PLACES_IN_ALL // len(stuck)))
         found = self._propose_places(stuck, candidates, seed)
-        # Who is caught among bodies that give way goes where it is better by far.
-        enough = np.maximum(keep, KEEP_PLACES * before[stuck])
-        landing = np.flatnonzero(found.left < np.where(wedged[stuck], kernels_trials.PINNED_COST, enough))
+        landing = np.flatnonzero(found.left < enough)
         landing = landing[alone(found.place[landing], self._outlines.reach.numpy()[stuck[landing]])]
         found.land(landing)
         self._rebuild()
         return len(landing)
+
+    def _come_in(self) -> None:  # noqa: B027
+        """Put bodies that lie partly in obstacles where they may be: out of a gap between two none finds the way by itself."""
 
     def _make_room(self, slots: int) -> None:  # noqa: B027
         """Make room for what else is known of so many pairs; nothing, as a rule."""
@@ -361,6 +374,7 @@ class Separation(ABC):
             guidance: What says where bodies are pulled; None for back to where they come from.
         """
         self._again, self._guidance, self._jammed = again, guidance, False
+        self._come_in()
         parted = self._try(go_on, hot=False)
         if (
             parted is False
@@ -369,6 +383,7 @@ class Separation(ABC):
         ):
             self._go_home()
             self._recall(self._begun)
+            self._come_in()
             parted = self._try(go_on, hot=True)
         self._write_back()
         self._forget()

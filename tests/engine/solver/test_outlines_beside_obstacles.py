@@ -259,3 +259,27 @@ def test_long_bodies_with_an_axis_find_the_gaps_as_well(direction):
     shapes = laid_out(placement, PLANK)
     assert overlaps(shapes, planks) == overlaps(shapes, shapes) == 0
     assert placement.report.clean
+
+
+@pytest.mark.parametrize("boundary", ["open", "natural"])
+@pytest.mark.parametrize("seed", range(3))
+def test_long_bodies_with_an_axis_do_not_lie_across_the_end_of_a_road(boundary, seed):
+    """Between it and the border axes had not grown: all seeds left a plank or more in the road, whose axis was beside it."""
+    way = shapely.LineString([[1.8, 2.5], [7.0, 10.0], [12.0, 8.0], [18.2, 17.0]])
+    pixels = 400
+    middle = (np.arange(pixels) + 0.5) * SIDE / pixels
+    x, y = np.meshgrid(middle, middle[::-1])
+    image = shapely.distance(way, shapely.points(x, y)) < 1.2
+    long = Footprint.rectangle(3.0, 0.3)
+    size = Size("a", None, 70, line=Line(2.7, "none"), footprint=Footprints([long]))
+    classes = [BodyClass("k", [size]), BodyClass("d", [Size("d", 0.4, 80)])]
+    obstacles = [Obstacle(image=image)]
+    problem = Problem(Domain((SIDE, SIDE), boundary), classes, avoid_overlap=True, obstacles=obstacles, seed=seed)
+    placement = solve(problem, device="cpu")
+    assert placement.report.in_obstacles == placement.report.overlaps == 0
+    planks = placement.class_index == 0
+    along = 1.5 * np.stack([np.cos(placement.angle), np.sin(placement.angle)], axis=1)[planks]
+    at = placement.position[planks]
+    lying = shapely.linestrings(np.stack([at - along, at + along], axis=1)).tolist()
+    assert min(way.distance(one) for one in lying) > 1.2
+    assert placement.length[planks].min() > 2.0
