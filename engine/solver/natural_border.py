@@ -27,6 +27,7 @@ from ..problem.problem import Problem
 from ..problem.size import Size
 from ..space.density import move_into_support, sample_density
 from ..space.images_beyond import AxisBeyond, DensityBeyond, KnownWays, density_beyond, image_beyond
+from .even_cut import Ground, evened
 from .model import Model
 
 __all__ = [
@@ -66,6 +67,8 @@ TURN = math.pi / 12.0
 MOST_TURNED = 50.0
 # Parts of the ground that do not meet have the numbers that they ask for, if these are not below this.
 FEWEST_OF_PART = 4.0
+# Density over the largest of a class below which spacings grow no more.
+THINNEST = 1e-6
 # A domain that is longer than so many times its width is not joined to its other sides, which meshes would have to be fine for.
 MOST_ELONGATED = 100.0
 
@@ -241,6 +244,21 @@ class NaturalBorder:
         part = number[sample_density(beyond.part, position, self._size)]
         return part, np.bincount(number, share, len(share))
 
+    def _ground(self, body_class: PreparedClass, count: int) -> Ground:
+        """What ``count`` bodies of a class are to be as dense as."""
+        domain = self._asked.rectangle
+        spacing = math.sqrt(domain.area * _share_of_ground(body_class) / max(count, 1))
+        return Ground(body_class.density_image, domain.size, spacing, count == self._asked.body_count)
+
+    def _spacings(
+        self, body_class: PreparedClass, beyond: DensityBeyond, count: int, position: np.ndarray
+    ) -> np.ndarray:
+        """Spacings of ``count`` bodies of a class at positions of the larger domain [m], shape ``[n]``."""
+        density = sample_density(beyond.image, position, self._size).astype(np.float64)
+        mean = float(body_class.density_image.mean(dtype=np.float64))
+        thinnest = THINNEST * float(beyond.image.max())
+        return np.sqrt(self._asked.rectangle.area * mean / (max(count, 1) * np.maximum(density, thinnest)))
+
     def cut(self, position: np.ndarray, model: Model) -> Kept:
         """Return which bodies are kept, and where.
 
@@ -266,7 +284,13 @@ class NaturalBorder:
                 if beyond.depth is not None:
                     depth = np.minimum(depth, sample_density(beyond.depth, position[own], self._size))
                 # Those that lie deepest, in the order that they have, which is one of neighbors.
-                chosen = np.sort(own[_deepest(depth, count, self._parts(body_class, beyond, position[own]))])
+                parts = self._parts(body_class, beyond, position[own])
+                chosen = _deepest(depth, count, parts)
+                if not fixed and kept.has_one_area:
+                    spacing = self._spacings(body_class, beyond, count, position[own])
+                    part = None if parts is None else parts[0]
+                    chosen = evened(chosen, self._ground(body_class, count), within[own], depth / spacing, part)
+                chosen = own[np.sort(chosen)]
                 to = np.arange(first, first + count)
                 if not kept.has_one_area or kept.footprint is not None:
                     # The largest are the largest.

@@ -438,3 +438,17 @@ def test_along_a_long_strip_there_are_not_hundreds_of_thousands_of_bodies(monkey
     placement = esh.solve(problem, device="cpu", max_steps=20)
     assert max(placed) < 100 * 351 and len(placement.position) == 351
     assert (placement.position >= 0.0).all() and (placement.position <= problem.domain.size).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_halves_that_an_isthmus_joins_have_as_many_as_they_ask_for(seed):
+    """A border that keeps those that lie deepest left three or four bodies too many in one of them, for good."""
+    x, y = (COLUMN + 0.5) * SIDE, (0.5 - ROW) * SIDE
+    image = ((abs(x - 32.0) < 1.0) | (abs(y - 32.0) > 2.0)).astype(np.float32)
+    errors = {}
+    for boundary in ("open", "natural"):
+        placement = esh.solve(problem_of(boundary, image, 3000, seed), device="cpu")
+        errors[boundary] = coverage_error(placement.position, np.ones(3000), image, esh.Domain((SIDE, SIDE)), 2.0)
+    below = int((placement.position[:, 1] < 0.5 * SIDE).sum())
+    assert len(placement.position) == 3000 and abs(below - 1500) <= 2
+    assert errors["natural"] < 2.0 * errors["open"]
