@@ -23,10 +23,10 @@ from ..space.target_deposit import mix_images
 from . import kernels_descent, kernels_direction, kernels_dots, kernels_lines
 from .close_bodies import close_bodies
 from .contact import Contact, keeps_apart
-from .direction import Direction
+from .direction import ANY_STRETCH, Direction
 from .final_placement import placement_of, position_in_meters
 from .forces import SMALLEST_DENSITY, Forces
-from .held_border import shares_of_forces
+from .held_border import MOST_STRETCH, shares_of_forces
 from .initial_placement import Pyramids, first_pose
 from .line_rules import FIRST_LENGTH, LineRules
 from .looking import facing_turns
@@ -125,7 +125,9 @@ class Descent:
         self._motion = kernels_descent.Motion()
         self._motion.displacement, self._motion.move = self.state.displacement, self.state.move
         self._motion.change = launcher.zeros(n, wp.vec4)
-        self.direction = Direction(launcher, n, self.rules)
+        # Lines and bodies that keep apart need long steps; see :data:`.surface_descent.MOST_STRETCH`.
+        bounded = held and not (keeps_apart(model) or model.kinds)
+        self.direction = Direction(launcher, n, self.rules, MOST_STRETCH if bounded else ANY_STRETCH)
         blocks = (launcher.thread_count, max(2 * self.rules.block_count, 1))
         self._sums_of_blocks = launcher.zeros(blocks, wp.int64)
         self.contact: Contact | None = None

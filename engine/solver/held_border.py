@@ -17,7 +17,7 @@ from ..space.mesh_layout import MeshLayout
 from ..space.support import depth_in_support
 from .model import Model
 
-__all__ = ["shares_of_forces"]
+__all__ = ["MOST_STRETCH", "shares_of_forces"]
 
 # Depths within the border, in spacings of the class, at which forces begin to count, and count wholly. Measured with 12 steps after
 # those that even out what was cut: the largest number at any distance from the border is 1.4 to 1.8 times even, as without these
@@ -31,6 +31,10 @@ MOST_OF_DOMAIN = 0.1
 # from the border is 2.2 times even.
 STIRRED_WITHIN = 0.6
 MOST_NODES = 4
+# Forces that count for less here and there have no energy, and BFGS may find next to no curvature in them: then it asks for a step as
+# long as the limit for all bodies. It is at most so many times as long as the moves that the forces ask for. Measured on six grounds,
+# 24 seeds: without it one of 144 had an error of .0057 instead of .0014, and another one once a smallest spacing of .11.
+MOST_STRETCH = 10.0
 # A share of 0 would divide by 0.
 LEAST = 1e-4
 

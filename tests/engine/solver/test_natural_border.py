@@ -452,3 +452,11 @@ def test_halves_that_an_isthmus_joins_have_as_many_as_they_ask_for(seed):
     below = int((placement.position[:, 1] < 0.5 * SIDE).sum())
     assert len(placement.position) == 3000 and abs(below - 1500) <= 2
     assert errors["natural"] < 2.0 * errors["open"]
+
+
+def test_no_step_along_a_held_border_is_as_long_as_the_limit_for_all():
+    """One of the last steps moved all bodies, by half a spacing: forces that are held have no energy, and no curvature to go by."""
+    away, angle = np.hypot(COLUMN, ROW), np.arctan2(ROW, COLUMN)
+    star = (away < 0.25 + 0.15 * np.cos(5.0 * angle)).astype(np.float32)
+    placement = esh.solve(problem_of("natural", star, 700, 23), device="cpu")
+    assert placement.report.coverage_error < 0.003
