@@ -35,6 +35,8 @@ NEAR, FARTHER_OUT, ANY = 0.5, 0.1, 0.1
 ANY_AMONG_OTHERS = 1.0
 # Of more bodies, a few too many somewhere are less than anything else that is wrong with them.
 MOST_BODIES = 200_000
+# Nor on small spots far from each other, where the mesh would have more nodes than this.
+MOST_NODES = 4_000_000
 # Exchanges times bodies near the border at most: that takes about a second.
 MOST_LOOKS = 10_000_000
 
@@ -71,6 +73,8 @@ def evened(
     is_kept = np.zeros(len(depth), bool)
     is_kept[kept] = True
     if len(kept) > MOST_BODIES or is_kept[near].all() or not is_kept[near].any():
+        return kept
+    if math.prod(ground.size) > MOST_NODES * (CELL * ground.spacing) ** 2:
         return kept
     mesh = _Mesh(ground)
     place = mesh.place(position)

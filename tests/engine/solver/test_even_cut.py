@@ -60,7 +60,7 @@ def test_parts_keep_their_numbers():
     assert set(kept.tolist()) != set(first.tolist())
 
 
-@pytest.mark.parametrize("name", ["MOST_BODIES", "MOST_LOOKS"])
+@pytest.mark.parametrize("name", ["MOST_BODIES", "MOST_NODES", "MOST_LOOKS"])
 def test_where_that_would_take_long_nobody_is_exchanged(monkeypatch, name):
     monkeypatch.setattr(even_cut, name, 1)
     position, first = bodies()
