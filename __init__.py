@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from .engine.files.placement_reader import load_placement
     from .engine.files.recipe import read_recipe
     from .engine.files.recipe_writer import write_recipe
+    from .engine.model.body_flags import BodyFlags
+    from .engine.model.state import State
+    from .engine.motion.surface_state import SurfaceState
     from .engine.problem.balance import Balance
     from .engine.problem.body_class import BodyClass, Unsharp
     from .engine.problem.color_separation import Ink, InkModel, halftone_problem, ink_colors, separate
@@ -47,11 +50,8 @@ if TYPE_CHECKING:
     from .engine.problem.surface_directions import AlongCurves, SurfaceVectors
     from .engine.scenes.solve_many import solve_many
     from .engine.solve import solve
-    from .engine.solver.body_flags import BodyFlags
     from .engine.solver.progress import Progress
     from .engine.solver.solver import Bookmark, Edit, Solver
-    from .engine.solver.state import State
-    from .engine.solver.surface_state import SurfaceState
     from .engine.surface.instances import Instances
     from .engine.surface.mesh_outline import Outline
     from .engine.tiles.tiles import TileState, solve_tiles
@@ -187,7 +187,7 @@ _MODULES = {
     "Balance": ".engine.problem.balance",
     "Bodies": ".engine.files.bodies",
     "BodyClass": ".engine.problem.body_class",
-    "BodyFlags": ".engine.solver.body_flags",
+    "BodyFlags": ".engine.model.body_flags",
     "Bookmark": ".engine.solver.solver",
     "CameraDensity": ".esh_scatter.densities.kinds",
     "ClassDensity": ".esh_scatter.densities.kinds",
@@ -238,12 +238,12 @@ _MODULES = {
     "SlopeDensity": ".esh_scatter.densities.kinds",
     "Solver": ".engine.solver.solver",
     "Standing": ".engine.problem.scatter_settings",
-    "State": ".engine.solver.state",
+    "State": ".engine.model.state",
     "Surface": ".engine.problem.surface",
     "SurfaceAttribute": ".engine.problem.surface_density",
     "SurfaceImage": ".engine.problem.surface_density",
     "SurfaceMesh": ".engine.problem.surface",
-    "SurfaceState": ".engine.solver.surface_state",
+    "SurfaceState": ".engine.motion.surface_state",
     "SurfaceTriplanar": ".engine.problem.surface_density",
     "SurfaceVectors": ".engine.problem.surface_directions",
     "TileState": ".engine.tiles.tiles",

@@ -18,10 +18,10 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from esh.engine.descent.initial_placement import initial_placement
 from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.report import Report
-from esh.engine.solver.initial_placement import initial_placement
 from esh.esh_scatter.api import (
     AttributeDensity,
     ImageDensity,

@@ -1,14 +1,15 @@
 """What a tuned constant of the solver is worth: scenes with other values of it, beside the one that it has.
 
-    python benchmarks/constants.py separation.DAMPING 0.5 0.7
-    python benchmarks/constants.py kernels_separation.FULL_CONTACTS 1 4 --scenes planks --bodies 200
-    python benchmarks/constants.py kernels_direction.FIRST_SHARE 0.4 1.0 --descent
+    python benchmarks/constants.py contact.separation.DAMPING 0.5 0.7
+    python benchmarks/constants.py contact.kernels_separation.FULL_CONTACTS 1 4 --scenes planks --bodies 200
+    python benchmarks/constants.py motion.kernels_direction.FIRST_SHARE 0.4 1.0 --descent
 
-A constant is named as in `engine/solver`. Every value has a process of its own, because kernels take constants when they are
-compiled. Scenes are those of `contact.py`, with a few seeds each: of every value, overlaps left over all scenes, counted by
-shapely; in how many runs there were none; the mean coverage error at k = 1 after contact; how far bodies moved, in mean
-spacings; and the seconds that contact took, over those of the constant as it is. With `--descent` they are dots and lines that may
-overlap: mean coverage error, steps until the tolerance, and what the forces would still move bodies, in thousandths of a spacing.
+A constant is named by its room in `engine`, its module and its name. Every value has a process of its own, because kernels take
+constants when they are compiled. Scenes are those of `contact.py`, with a few seeds each: of every value, overlaps left over all
+scenes, counted by shapely; in how many runs there were none; the mean coverage error at k = 1 after contact; how far bodies
+moved, in mean spacings; and the seconds that contact took, over those of the constant as it is. With `--descent` they are dots
+and lines that may overlap: mean coverage error, steps until the tolerance, and what the forces would still move bodies, in
+thousandths of a spacing.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
-ROOM = "esh.engine.solver"
+ENGINE = "esh.engine"
 DESCENT_COLUMNS = ("coverage error", "steps", "left to move")
 CONTACT_COLUMNS = ("overlaps left", "runs without", "coverage error", "moved", "seconds over those as it is")
 
@@ -33,7 +34,7 @@ CONTACT_COLUMNS = ("overlaps left", "runs without", "coverage error", "moved", "
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("constant", help="module and name, such as separation.DAMPING")
+    parser.add_argument("constant", help="room, module and name, such as contact.separation.DAMPING")
     parser.add_argument("values", nargs="+", help="other values of it, as Python writes them")
     parser.add_argument("--scenes", metavar="WORD", default="", help="only scenes whose names hold this")
     parser.add_argument("--bodies", type=int, default=200, metavar="N")
@@ -43,10 +44,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     module_name, _, name = options.constant.rpartition(".")
     try:
-        module = importlib.import_module(f"{ROOM}.{module_name}")
+        module = importlib.import_module(f"{ENGINE}.{module_name}")
         now = getattr(module, name)
     except (ImportError, AttributeError):
-        parser.error(f"there is no {options.constant} in {ROOM}")
+        parser.error(f"there is no {options.constant} in {ENGINE}")
     if options.value:
         setattr(module, name, type(now)(json.loads(options.values[0])))
         made = descents if options.descent else total

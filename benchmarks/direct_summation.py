@@ -10,10 +10,10 @@ from functools import cache
 
 import numpy as np
 import warp as wp
+from esh.engine.descent.initial_placement import initial_placement
 from esh.engine.device.launcher import Launcher
 from esh.engine.problem.interaction import group_bodies
 from esh.engine.problem.problem import Problem
-from esh.engine.solver.initial_placement import initial_placement
 from esh.engine.space.density import box_integrals
 
 __all__ = ["DirectSummation", "direct_solve"]

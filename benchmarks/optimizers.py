@@ -24,16 +24,16 @@ from pathlib import Path
 
 import numpy as np
 import warp as wp
+from esh.engine.descent.descent import STEP_LIMIT, Descent
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
+from esh.engine.model.model import Model
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.line import Line
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
-from esh.engine.solver.descent import STEP_LIMIT, Descent
-from esh.engine.solver.model import Model
 from quality import photograph
 from scipy.ndimage import minimum_filter
 

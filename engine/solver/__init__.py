@@ -1,5 +1,5 @@
-"""From a problem to the poses of its bodies.
+"""Whole runs.
 
-Their start, their descent, what lines do, and footprints that push each other apart. May import ``cascade``,
-``device``, ``field``, ``heat``, ``problem``, ``space`` and ``surface``.
+The solver's steps, edits and bookmarks, and the starts that it chooses from. May import ``descent``, ``device``,
+``edits``, ``heat``, ``model``, ``motion``, ``problem`` and ``space``.
 """

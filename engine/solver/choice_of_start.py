@@ -11,11 +11,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .body_flags import BodyFlags
-from .descent import Descent
-from .energy import Energy
-from .model import Model
-from .state import State
+from ..descent.descent import Descent
+from ..model.body_flags import BodyFlags
+from ..model.energy import Energy
+from ..model.model import Model
+from ..model.state import State
 
 __all__ = ["choose_start", "number_of_starts"]
 

@@ -12,15 +12,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..descent.descent import Descent
+from ..descent.final_placement import position_in_meters
 from ..device.launcher import Launcher
+from ..model.model import Model
 from ..problem.domain import Domain
 from ..problem.obstacles import Obstacle
 from ..problem.problem import Problem
 from ..problem.surface import Surface
 from ..space.density import move_into_support
-from .descent import Descent
-from .final_placement import position_in_meters
-from .model import Model
 
 __all__ = ["STEPS", "rare_problems", "rare_starts", "start_some"]
 

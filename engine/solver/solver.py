@@ -12,47 +12,47 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
+from ..descent.convergence import LAST_STEPS, TOLERANCE, is_settled
+from ..descent.descent import Descent
+from ..descent.surface_descent import SurfaceDescent
+from ..descent.surface_least_spacing import keep_least_spacing
+from ..descent.surface_placement import points_of
 from ..device.devices import resolve_device
 from ..device.launcher import Launcher
 from ..device.profile import Profile
+from ..edits.carried_descent import carried_poses, carry_turns, go_on_from
+from ..edits.edit import EditInPlane, in_order
+from ..edits.given_places import checked_identities, checked_places, given_outlines, given_poses, lay_outlines
+from ..edits.plane_settling import settle_in_plane
+from ..edits.spread import Spreading
+from ..edits.surface_edit import carry_over_on_surface
+from ..edits.surface_settling import settle_on_surface
+from ..edits.surface_spreading import SpreadingOnSurface
 from ..errors import ProblemError, Reason, Refusal
 from ..heat.heat_mesh import HeatMeshes
+from ..model.body_flags import BodyFlags, checked_flags
+from ..model.carried_over import CarriedInPlane, CarriedOver
+from ..model.identities_of_fixed import identities_of_fixed
+from ..model.looking import LOOKS_AWAY, angle_within, looks_at_point, somebody_looks
+from ..model.memory import check_memory
+from ..model.model import Model
+from ..model.natural_border import STEPS_WITHIN, Kept, NaturalBorder, smoothing
+from ..model.state import State
+from ..model.state_arrays import StateArrays
+from ..model.surface_places import PlacesOnSurface, spots_of_places
+from ..motion.carried_lines import carry_lines
+from ..motion.surface_state import SurfaceState
 from ..problem.domain import Domain
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.surface import Surface
 from ..problem.validation import check_count, check_is, check_progress
 from ..space.part import Part
-from .body_flags import BodyFlags, checked_flags
-from .carried_descent import carried_poses, carry_turns, go_on_from
-from .carried_lines import carry_lines
-from .carried_over import CarriedInPlane, CarriedOver
 from .choice_of_start import choose_start, number_of_starts
-from .convergence import LAST_STEPS, TOLERANCE, is_settled
-from .descent import Descent
-from .edit import EditInPlane, in_order
-from .given_places import checked_identities, checked_places, given_outlines, given_poses, lay_outlines
-from .identities_of_fixed import identities_of_fixed
 from .ink import with_widths
-from .looking import LOOKS_AWAY, angle_within, looks_at_point, somebody_looks
-from .memory import check_memory
-from .model import Model
-from .natural_border import STEPS_WITHIN, Kept, NaturalBorder, smoothing
-from .plane_settling import settle_in_plane
 from .progress import Progress, is_stop
 from .rare_start import rare_starts, start_some
-from .spread import Spreading
-from .state import State
-from .state_arrays import StateArrays
-from .surface_descent import SurfaceDescent
-from .surface_edit import carry_over_on_surface
-from .surface_least_spacing import keep_least_spacing
-from .surface_placement import points_of
-from .surface_places import PlacesOnSurface, spots_of_places
 from .surface_rare_start import rare_start_on_surface
-from .surface_settling import settle_on_surface
-from .surface_spreading import SpreadingOnSurface
-from .surface_state import SurfaceState
 
 __all__ = ["Bookmark", "Edit", "Solver"]
 

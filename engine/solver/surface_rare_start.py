@@ -6,13 +6,13 @@ from functools import partial
 
 import numpy as np
 
+from ..descent.surface_descent import Start, SurfaceDescent
+from ..descent.surface_placement import points_of
 from ..device.launcher import Launcher
+from ..model.model import Model
 from ..problem.problem import Problem
 from ..problem.surface import Surface
-from .model import Model
 from .rare_start import STEPS, rare_problems
-from .surface_descent import Start, SurfaceDescent
-from .surface_placement import points_of
 
 __all__ = ["rare_start_on_surface"]
 

@@ -2,7 +2,7 @@
 
 Densities go on beyond the edges of the domain, and where they end within it, as the nearest place is that has any. As many more bodies
 as that density says stand there while a window settles. Of every group those that lie deepest within the border are kept, as many as
-the window had: so counts stay what they are, wherever bodies have gone. See :mod:`~esh.engine.solver.natural_border` for one solve.
+the window had: so counts stay what they are, wherever bodies have gone. See :mod:`~esh.engine.model.natural_border` for one solve.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What the whole domain asks of every group: shares of densities, and what fixed bodies leave of them.
 
 Fixed bodies count as part of what their density asks for. Where they are more than that, the excess is a target of its own, so that
-others do not keep away from them far and wide; see :mod:`~esh.engine.solver.attraction`, which does so for one solve.
+others do not keep away from them far and wide; see :mod:`~esh.engine.model.attraction`, which does so for one solve.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..model.attraction import BLUR_OF_FIXED, but_for_chance, water_level
 from ..problem.image_filters import gaussian_blur
-from ..solver.attraction import BLUR_OF_FIXED, but_for_chance, water_level
 from .bodies import written_atomically
 from .coarse import SCALE, CoarseGrid
 from .groups import TileGroups

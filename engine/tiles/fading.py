@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ..field.field import FieldTarget
-from ..solver.model import Model
+from ..model.model import Model
 from .bodies import PartBodies
 from .demand import Demand
 from .layout import Box

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from ..model.looking import angle_within
 from ..problem.look_at import facing
-from ..solver.looking import angle_within
 from .bodies import PartBodies
 from .plan import Plan
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..solver.model import Model
+from ..model.model import Model
 from ..space.density import move_into_support
 from .layout import Box, within
 from .plan import Plan

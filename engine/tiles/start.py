@@ -7,19 +7,19 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
+from ..descent.descent import Descent
+from ..descent.final_placement import position_in_meters
+from ..descent.initial_placement import first_pose
 from ..device.launcher import Launcher, launcher_of_process
+from ..model.model import Model
+from ..model.natural_border import NaturalBorder
+from ..motion.line_rules import FIRST_LENGTH, LineRules
 from ..problem.balance import Balance
 from ..problem.domain import Domain
 from ..problem.interaction import Groups
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.size import with_count
-from ..solver.descent import Descent
-from ..solver.final_placement import position_in_meters
-from ..solver.initial_placement import first_pose
-from ..solver.line_rules import FIRST_LENGTH, LineRules
-from ..solver.model import Model
-from ..solver.natural_border import NaturalBorder
 from ..space.density import sample_density
 from ..space.support import images_for_kernels
 from .bodies import PartBodies

@@ -7,17 +7,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..descent.descent import Descent
+from ..descent.final_placement import position_in_meters
 from ..device.launcher import Launcher, launcher_of_process
 from ..errors import ProblemError
+from ..model.body_flags import BodyFlags
+from ..model.looking import LOOKS_AWAY, angle_within
+from ..model.model import Model
+from ..model.natural_border import SMOOTH_OVER_SPACING, SMOOTH_STEPS, STEPS_WITHIN
+from ..model.state import State
+from ..motion.line_rules import length_blocks
 from ..problem.random_numbers import random_shares
-from ..solver.body_flags import BodyFlags
-from ..solver.descent import Descent
-from ..solver.final_placement import position_in_meters
-from ..solver.line_rules import length_blocks
-from ..solver.looking import LOOKS_AWAY, angle_within
-from ..solver.model import Model
-from ..solver.natural_border import SMOOTH_OVER_SPACING, SMOOTH_STEPS, STEPS_WITHIN
-from ..solver.state import State
 from .beyond import Beyond, beyond_of, kept_within
 from .bodies import PartBodies
 from .demand import Demand

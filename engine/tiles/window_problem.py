@@ -10,6 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from ..errors import ProblemError
+from ..model.model import Model
 from ..problem.balance import Balance
 from ..problem.domain import Domain
 from ..problem.footprints import DrawnFootprints, Footprints
@@ -19,7 +20,6 @@ from ..problem.obstacles import Obstacle
 from ..problem.prepared_class import PreparedClass, cut_out
 from ..problem.problem import Problem
 from ..problem.size import Size, with_count
-from ..solver.model import Model
 from .bodies import PartBodies
 from .density_windows import Axis, sample_source
 from .layout import Box

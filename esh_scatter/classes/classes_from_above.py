@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...engine.errors import ProblemError
+from ...engine.model.memory import check_counts
 from ...engine.problem.body_class import BodyClass, ClassSettings, PlacingSettings
 from ...engine.problem.direction_field import density_directions
 from ...engine.problem.footprints import Footprints
@@ -21,7 +22,6 @@ from ...engine.problem.settings import values_of
 from ...engine.problem.size import Size
 from ...engine.problem.surface_directions import SLOPE
 from ...engine.problem.validation import check_density
-from ...engine.solver.memory import check_counts
 from ...engine.surface.chart import Chart
 from .amount import Amount
 from .on_whole_surface import mean_footprint

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...engine.errors import ProblemError, Reason, Refusal
+from ...engine.model.memory import check_counts
 from ...engine.problem.body_class import BodyClass, ClassSettings
 from ...engine.problem.direction_field import direction_field
 from ...engine.problem.line import Line
@@ -16,7 +17,6 @@ from ...engine.problem.scatter_settings import ScatterSettings
 from ...engine.problem.settings import values_of
 from ...engine.problem.size import Size
 from ...engine.problem.surface import PointsOnSurface
-from ...engine.solver.memory import check_counts
 from ...engine.surface.instances import body_rotations, rotate
 from ...engine.surface.whole_surface import WholeSurface
 from .amount import Amount

@@ -18,7 +18,7 @@ def run(*arguments):
 
 
 def test_a_row_for_each_value():
-    found = run("crowding.MOST_ROUNDS", "1", "--scenes", "jittered discs", "--bodies", "60", "--seeds", "1")
+    found = run("contact.crowding.MOST_ROUNDS", "1", "--scenes", "jittered discs", "--bodies", "60", "--seeds", "1")
     assert found.returncode == 0, found.stderr
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in found.stdout.splitlines()[2:]]
     assert [row[0] for row in rows] == ["2500 (as it is)", "1"]
@@ -29,7 +29,15 @@ def test_a_row_for_each_value():
 
 def test_without_contact_a_row_says_how_well_bodies_follow_and_how_settled_they_are():
     found = run(
-        "kernels_direction.LARGEST_SHARE", "0.31", "--descent", "--scenes", "dots", "--bodies", "60", "--seeds", "1"
+        "motion.kernels_direction.LARGEST_SHARE",
+        "0.31",
+        "--descent",
+        "--scenes",
+        "dots",
+        "--bodies",
+        "60",
+        "--seeds",
+        "1",
     )
     assert found.returncode == 0, found.stderr
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in found.stdout.splitlines()[2:]]
@@ -40,5 +48,5 @@ def test_without_contact_a_row_says_how_well_bodies_follow_and_how_settled_they_
 
 
 def test_a_constant_that_is_not_there_is_refused():
-    found = run("separation.NONE", "1")
-    assert found.returncode == 2 and "there is no separation.NONE" in found.stderr
+    found = run("contact.separation.NONE", "1")
+    assert found.returncode == 2 and "there is no contact.separation.NONE" in found.stderr

@@ -12,17 +12,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import warp as wp
+from esh.engine.descent.descent import Descent
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.field.kernels_field import COLUMNS_PER_CUTOFF, ROWS_PER_CUTOFF
+from esh.engine.model.model import Model
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.line import Line
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.solve import solve
-from esh.engine.solver.descent import Descent
-from esh.engine.solver.model import Model
 from esh.engine.solver.solver import Solver
 
 # An evaluation for 20,000 bodies beside a direct float32 sum over 8,192.

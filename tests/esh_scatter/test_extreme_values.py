@@ -205,13 +205,13 @@ def test_counts_that_no_machine_holds_are_refused_before_anything_is_made_for_th
     monkeypatch, count, surface, overlap
 ):
     scene = Scene()
-    monkeypatch.setattr("esh.engine.solver.memory.machine_memory", lambda: 10**11)
+    monkeypatch.setattr("esh.engine.model.memory.machine_memory", lambda: 10**11)
     with pytest.raises(EshError, match=r"is too large|cannot keep footprints apart"):
         scene.scatter({"count": count}, avoid_overlap=not overlap, surface=surface)
 
 
 def test_the_counts_of_all_classes_together_are_foretold(monkeypatch):
-    monkeypatch.setattr("esh.engine.solver.memory.machine_memory", lambda: 10**9)
+    monkeypatch.setattr("esh.engine.model.memory.machine_memory", lambda: 10**9)
     scene = Scene()
     classes = [
         ScatterClass(name, [ScatterSize("s", count, scene.box, area=0.001)])

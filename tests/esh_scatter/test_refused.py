@@ -12,6 +12,7 @@ bpy = pytest.importorskip("bpy")
 
 from esh.engine.device.devices import resolve_device  # noqa: E402
 from esh.engine.errors import EshError, ProblemError, Reason  # noqa: E402
+from esh.engine.model import memory  # noqa: E402
 from esh.engine.problem import clumps  # noqa: E402
 from esh.engine.problem.balance import Balance  # noqa: E402
 from esh.engine.problem.body_class import BodyClass, Unsharp  # noqa: E402
@@ -22,7 +23,6 @@ from esh.engine.problem.obstacles import Obstacle  # noqa: E402
 from esh.engine.problem.problem import Problem  # noqa: E402
 from esh.engine.problem.size import Size  # noqa: E402
 from esh.engine.problem.surface import Surface, SurfaceMesh  # noqa: E402
-from esh.engine.solver import memory  # noqa: E402
 from esh.engine.solver.solver import Solver  # noqa: E402
 from esh.engine.surface.chart import Chart  # noqa: E402
 from esh.engine.surface.triangle_mesh import TriangleMesh  # noqa: E402
@@ -169,7 +169,22 @@ REFUSED = {
 
 ENGINE = Path(__file__).resolve().parents[2] / "engine"
 # Rooms that a run from the sidebar reaches.
-REACHED = ("cascade", "device", "field", "problem", "quality", "solver", "space", "surface", "transforms")
+REACHED = (
+    "cascade",
+    "contact",
+    "descent",
+    "device",
+    "edits",
+    "field",
+    "model",
+    "motion",
+    "problem",
+    "quality",
+    "solver",
+    "space",
+    "surface",
+    "transforms",
+)
 # Each of their values has a property of the sidebar that holds it in its range, or is made by Blender's side.
 OF_SINGLE_VALUES = {
     f"problem/{name}.py"
@@ -212,10 +227,10 @@ OF_SCRIPTS = {
     "solver/solver.py Solver.__getattr__": 1,
     "solver/solver.py Solver._check_open": 1,
     "solver/solver.py Solver.edit": 2,
-    "solver/given_places.py checked_places": 1,
-    "solver/given_places.py checked_identities": 1,
-    "solver/body_flags.py checked_flags": 1,
-    "solver/state_arrays.py StateArrays.check": 1,
+    "edits/given_places.py checked_places": 1,
+    "edits/given_places.py checked_identities": 1,
+    "model/body_flags.py checked_flags": 1,
+    "model/state_arrays.py StateArrays.check": 1,
 }
 # What Blender's side asks for by names, which these sentences say: UV maps, vertex groups, attributes.
 IN_WORDS_OF_BLENDER = {

@@ -6,10 +6,10 @@ import pytest
 import trimesh
 from esh.engine.cascade import kernels_near_target
 from esh.engine.cascade.cascade import Cascade
+from esh.engine.descent.surface_descent import SurfaceDescent
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
-from esh.engine.solver.model import Model
-from esh.engine.solver.surface_descent import SurfaceDescent
+from esh.engine.model.model import Model
 
 
 def ball():

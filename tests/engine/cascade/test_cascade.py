@@ -6,17 +6,17 @@ import trimesh
 import warp as wp
 from esh.engine.cascade.points import alike, chosen, empty_points, lists_of, nearest_of, thinned
 from esh.engine.cascade.seen_from_afar import looks_other_from_afar, seen_from_afar
+from esh.engine.descent.surface_descent import SurfaceDescent
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
+from esh.engine.model.model import Model
+from esh.engine.model.surface_softness import softness_of
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.fixed_bodies import FixedBodies
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
-from esh.engine.solver.model import Model
-from esh.engine.solver.surface_descent import SurfaceDescent
-from esh.engine.solver.surface_softness import softness_of
 from esh.engine.surface import kernels_facets
 from esh.engine.surface.facets import Facets
 from scipy.spatial import cKDTree

@@ -432,7 +432,7 @@ print([str(note.message) for note in caught])
 def test_two_cold_caches_at_once(tmp_path):
     script = """
 from esh import *
-from esh.engine.solver.initial_placement import initial_placement
+from esh.engine.descent.initial_placement import initial_placement
 problem = Problem(Domain((4.0, 3.0)), [BodyClass("a", [Size("s", 0.1, 50)])], seed=1)
 print(initial_placement(problem).tobytes().hex())
 """

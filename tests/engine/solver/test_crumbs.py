@@ -4,7 +4,7 @@ import esh
 import numpy as np
 import pytest
 import trimesh
-from esh.engine.solver.numbers_of_parts import first_ranks_among_crumbs
+from esh.engine.descent.numbers_of_parts import first_ranks_among_crumbs
 from scipy.spatial import cKDTree
 
 TWO_SIZES = [esh.Size("large", 0.02, 100), esh.Size("small", 0.003, 1400)]

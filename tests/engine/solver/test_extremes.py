@@ -38,7 +38,7 @@ def test_areas_a_hundred_million_apart():
 
 
 def test_an_interaction_scaled_by_a_power_of_two_gives_the_same_bytes(monkeypatch):
-    from esh.engine.solver import model
+    from esh.engine.model import model
 
     problem = problem_of(Size("a", 1.0, 60), Size("b", 4.0, 20))
     expected = solve(problem, device="cpu", max_steps=12).position
@@ -158,7 +158,7 @@ def test_a_position_that_is_no_number_ends_the_run_in_a_sentence(lines, value):
 
 
 def test_forces_that_overflow_end_the_run_in_a_sentence(monkeypatch):
-    from esh.engine.solver import model
+    from esh.engine.model import model
 
     monkeypatch.setattr(model, "_within_range", lambda matrix, charge: matrix * 1e38)
     with pytest.raises(ProblemError, match="bring them nearer to each other"):

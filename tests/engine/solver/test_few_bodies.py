@@ -4,17 +4,17 @@ import itertools
 
 import numpy as np
 import pytest
+from esh.engine.descent import initial_placement
 from esh.engine.field.direct_sum import direct_field
+from esh.engine.model.attraction import group_targets
+from esh.engine.model.body_flags import BodyFlags
+from esh.engine.model.energy import Energy
+from esh.engine.model.model import Model
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.solve import solve
-from esh.engine.solver import initial_placement
-from esh.engine.solver.attraction import group_targets
-from esh.engine.solver.body_flags import BodyFlags
-from esh.engine.solver.energy import Energy
-from esh.engine.solver.model import Model
 from esh.engine.solver.solver import Solver
 
 SIDE = 8.0

@@ -241,7 +241,7 @@ def test_a_size_that_fits_nowhere_is_refused_by_name():
 
 
 def test_classes_whose_images_are_alike_ask_once_how_far_obstacles_are(monkeypatch):
-    from esh.engine.solver import supports
+    from esh.engine.model import supports
 
     asked, honest = [], supports.clearance
 

@@ -4,7 +4,7 @@ import esh
 import numpy as np
 import pytest
 import trimesh
-from esh.engine.solver.numbers_of_parts import first_ranks
+from esh.engine.descent.numbers_of_parts import first_ranks
 from esh.engine.solver.solver import Solver
 
 

@@ -8,12 +8,12 @@ import pytest
 import warp as wp
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
+from esh.engine.edits.spread import Spreading
 from esh.engine.field.field import Field, FieldTarget
+from esh.engine.model.memory import required_memory
 from esh.engine.problem.domain import Domain
 from esh.engine.quality.spacing import smallest_spacing
-from esh.engine.solver.memory import required_memory
 from esh.engine.solver.solver import Solver
-from esh.engine.solver.spread import Spreading
 from esh.engine.space.part import Part, part_of
 from esh.engine.space.space import Space
 from scipy.spatial import cKDTree

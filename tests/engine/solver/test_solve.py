@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from esh.engine.descent.initial_placement import initial_placement
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.errors import DeviceError, ProblemError
@@ -21,7 +22,6 @@ from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.quality.spacing import HEXAGONAL_SPACING
 from esh.engine.solve import solve
-from esh.engine.solver.initial_placement import initial_placement
 from esh.engine.solver.rare_start import rare_starts
 from esh.engine.space.density import sample_density
 

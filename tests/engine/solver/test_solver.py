@@ -9,6 +9,10 @@ import pytest
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.errors import ProblemError
+from esh.engine.model.body_flags import BodyFlags
+from esh.engine.model.model import Model
+from esh.engine.model.state import State
+from esh.engine.motion.direction import Direction
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
@@ -17,11 +21,7 @@ from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.quality.measurement import measure
 from esh.engine.solve import solve
-from esh.engine.solver.body_flags import BodyFlags
-from esh.engine.solver.direction import Direction
-from esh.engine.solver.model import Model
 from esh.engine.solver.solver import Solver
-from esh.engine.solver.state import State
 
 
 def problem_of(kind, boundary="open"):

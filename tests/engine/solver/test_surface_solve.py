@@ -7,6 +7,8 @@ import pytest
 import surface_meshes as meshes
 import surface_metric as metric
 import trimesh
+from esh.engine.motion.surface_own_forces import own_forces
+from esh.engine.motion.surface_state import SurfaceState
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
@@ -15,8 +17,6 @@ from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
 from esh.engine.solve import solve
 from esh.engine.solver.solver import Solver
-from esh.engine.solver.surface_own_forces import own_forces
-from esh.engine.solver.surface_state import SurfaceState
 from scipy.spatial import cKDTree
 
 
