@@ -77,12 +77,25 @@ def job_of(context: bpy.types.Context, settings: ESH_PG_scatter, survey: "Survey
 
     settings.forget_refilled_places()
     positional, named = settings.arguments(context.scene)
-    return ScatterJob(*positional, **named, prepare=False, survey=survey)
+    job = ScatterJob(*positional, **named, prepare=False, survey=survey)
+    with checksums.now():
+        job.made_with = settings.fingerprint()
+    return job
 
 
-def keep_result(settings: ESH_PG_scatter, result: "ScatterResult", held: str = "") -> dict[str, Any]:
-    """Have a scatter remember what a run has placed, and return its report; ``held`` says what has held the number of objects."""
-    settings.remember(result.object, {**result.report.to_dict(), words.HELD: held})
+def keep_result(
+    settings: ESH_PG_scatter, result: "ScatterResult", held: str = "", made_with: str | None = None
+) -> dict[str, Any]:
+    """Have a scatter remember what a run has placed, and return its report.
+
+    Args:
+        settings: The scatter.
+        result: What was placed.
+        held: What has held the number of objects, as a sentence.
+        made_with: The fingerprint of when it was read, where anything could change since; None for that of now.
+    """
+    report_of_run = {**result.report.to_dict(), words.HELD: held}
+    settings.remember(result.object, report_of_run, settings.as_written(made_with) if made_with else None)
     if (real := real_objects_of(result.object)) is not None:
         # The new result stands for none of them.
         discard_real(real, ())
@@ -101,6 +114,8 @@ class RunOperator(bpy.types.Operator):
     _hints: tuple[str, ...] = ()
     # What has held the number of objects, as the panel tells it from then on; empty where nothing has.
     _held: str = ""
+    # What the result was read from, where the window went on meanwhile.
+    _made_with: str | None = None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run to the end before returning: for scripts, ``blender -b`` and the panel of the last operation."""
@@ -231,6 +246,7 @@ class RunOperator(bpy.types.Operator):
             settings = session.scatter
             assert settings is not None
             settings.forget_deleted_result()
+            self._made_with = session.job.made_with
             result = session.job.write()
         except EshError as error:
             return self._failed(context, error)
@@ -243,7 +259,7 @@ class RunOperator(bpy.types.Operator):
         return {"CANCELLED"}
 
     def _finish(self, settings: ESH_PG_scatter, result: "ScatterResult") -> set[str]:
-        report = keep_result(settings, result, self._held)
+        report = keep_result(settings, result, self._held, self._made_with)
         left_out = settings.left_out()
         look = [*self._hints[:1], *words.notes(report), *left_out]
         with checksums.now():

@@ -95,7 +95,7 @@ class ESH_OT_scatter_all(RunOperator):
         return False
 
     def _finish(self, settings: ESH_PG_scatter, result: "ScatterResult") -> set[str]:
-        self._done.append((settings.name, keep_result(settings, result)))
+        self._done.append((settings.name, keep_result(settings, result, made_with=self._made_with)))
         return self._next(bpy.context)
 
     def _failed(self, context: bpy.types.Context, error: EshError) -> set[str]:

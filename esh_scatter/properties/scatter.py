@@ -449,10 +449,15 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         remember_placed(self)
         ready = self.ready_classes()
         if isinstance(result.data, bpy.types.Mesh):
-            result.data[CLASSES_OF_POINTS] = [body_class.uid for body_class in ready]
+            placed = [int(uid) for uid in _parse_record(ran_with).get("classes", {})]
+            result.data[CLASSES_OF_POINTS] = placed or [body_class.uid for body_class in ready]
         for body_class in ready:
             if not (body_class.show_viewport and body_class.show_render):
                 show_class_anew(body_class, None)
+
+    def as_written(self, made_with: str) -> str:
+        """Return the fingerprint that a run began with as that of the result that it has written."""
+        return self.fingerprint(settings_record.with_pins_of(self, json.loads(made_with)))
 
     def shows_at_once(self, before: dict, now: dict) -> bool:
         """Have the result show what differs between two records, if nothing has to be solved for that; tell whether it shows it.

@@ -31,6 +31,7 @@ __all__ = [
     "same",
     "same_surface",
     "state_of_targets",
+    "with_pins_of",
     "without_unread",
 ]
 
@@ -71,7 +72,7 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
                 ),
                 **_where_it_looks(c),
                 "layers": [
-                    _layer(layer, target, names, f"{c.uid}.layer {number}")
+                    _layer(layer, scatter, names, f"{c.uid}.layer {number}")
                     for number, layer in enumerate(layer for layer in c.layers if layer.use)
                 ],
                 "sizes": [
@@ -288,7 +289,7 @@ def _kept_off(scatter: Any) -> dict[str, Any]:
             [
                 round(one.width, 6),
                 round(one.margin, 6),
-                *([checksums.of_shape(i), checksums.pose_of(i)] for i in one.items),
+                *([checksums.of_shape(i), checksums.pose_of(i)] for i in one.items if i != scatter.result),
             ]
             for one in scatter.obstacles
             if one.ready
@@ -301,15 +302,24 @@ def _kept_off(scatter: Any) -> dict[str, Any]:
     }
 
 
+def with_pins_of(scatter: Any, record: dict[str, Any]) -> dict[str, Any]:
+    """Return the record that a run began with, with what stays of the result that it has written."""
+    pinned, values = _pinned(scatter), record["scatter"]
+    places = [values.get("free_places", NOTHING[1])[0], pinned]
+    of_run = {name: value for name, value in values.items() if name != "free_places"}
+    return {**record, "scatter": of_run if places in NOTHING else {**of_run, "free_places": places}}
+
+
 def _pinned(scatter: Any) -> list[int]:
     """Return what stays of the result by hand."""
     result = scatter.result_in(scatter.id_data)
     return [] if result is None else pins.checksum_of(result)
 
 
-def _layer(layer: Any, target: bpy.types.Object | None, names: dict[str, str], key: str) -> dict[str, Any]:
+def _layer(layer: Any, scatter: Any, names: dict[str, str], key: str) -> dict[str, Any]:
     """Return what of a layer's settings has an influence, those of its kind, and what the things hold that it names."""
     values: dict[str, Any] = {"kind": layer.kind}
+    target = scatter.first_target
     for name in layer.influential_of(layer.kind):
         value = getattr(layer, name)
         if name == "camera":
@@ -317,8 +327,8 @@ def _layer(layer: Any, target: bpy.types.Object | None, names: dict[str, str], k
         elif isinstance(value, bpy.types.Object | bpy.types.Collection):
             names[f"{key}.{name}"] = value.name
             items = value.all_objects if isinstance(value, bpy.types.Collection) else [value]
-            # Near to them, it counts where they stand.
-            values[name] = [[checksums.of_object(item), checksums.pose_of(item)] for item in items]
+            # Near to them, it counts where they stand; every run changes its own result, which may lie among them.
+            values[name] = [[checksums.of_object(i), checksums.pose_of(i)] for i in items if i != scatter.result]
         elif isinstance(value, bpy.types.ID):
             names[f"{key}.{name}"] = value.name
             values[name] = _contents(value)

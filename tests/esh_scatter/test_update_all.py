@@ -9,6 +9,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter.operators.update_all import ESH_OT_scatter_all  # noqa: E402
+from esh.esh_scatter.result.kept_ground import CLASSES_OF_POINTS  # noqa: E402
 from esh.esh_scatter.solving import running  # noqa: E402
 from esh.esh_scatter.targets import checksums  # noqa: E402
 
@@ -156,6 +157,46 @@ def test_in_a_window_one_follows_the_other(woods, monkeypatch):
     assert answer == {"FINISHED"} and shown == ["Wood", "Fern", "Moss"] and outdated() == []
     assert settings.active.name == "Fern" and running.session is None
     assert window.reports == [("INFO", '"Wood", "Fern" and "Moss" updated')]
+
+
+def test_what_changes_during_a_run_is_not_taken_for_seen(woods, monkeypatch):
+    wood, fern, moss = scatters()
+    woods.data.vertices[40].co.z += 0.4
+    wood.add_class().sizes[0].source_object = wood.classes[0].sizes[0].source_object
+    window = Window(monkeypatch)
+    assert window.invoke() == {"RUNNING_MODAL"}
+    # A script or an animation does so while the window goes on.
+    wood.classes[0].sizes[0].count = 50
+    uids = [one.uid for one in wood.classes]
+    wood.classes.move(0, 1)
+    assert window.one_done() == {"RUNNING_MODAL"}
+    assert list(wood.result.data[CLASSES_OF_POINTS]) == uids, "points belong to the classes that they were made for"
+    fern.seed += 1
+    assert window.one_done() == {"RUNNING_MODAL"}
+    woods.data.vertices[41].co.z += 0.4
+    assert window.one_done() == {"FINISHED"}
+    assert outdated() == ["Wood", "Fern", "Moss"]
+    with checksums.now():
+        assert moss.changes() == ["shape or place of the target"]
+    assert len(wood.result.data.vertices) > 60 and wood.changes()
+
+
+def test_what_a_run_writes_itself_does_not_make_it_out_of_date(woods, monkeypatch):
+    wood = scatters()[0]
+    # Its own result lies in what it keeps off and stands near, and has pins.
+    around = bpy.data.collections.new("Around")
+    bpy.context.scene.collection.children.link(around)
+    around.objects.link(wood.result)
+    obstacle = wood.obstacles.add()
+    obstacle.kind, obstacle.collection = "COLLECTION", around
+    assert wood.obstacles[0].ready
+    wood.result.data.vertices[3].co.x += 0.2
+    wood.seed += 1
+    window = Window(monkeypatch)
+    answer = window.invoke()
+    while answer == {"RUNNING_MODAL"}:
+        answer = window.one_done()
+    assert answer == {"FINISHED"} and outdated() == []
 
 
 def test_esc_keeps_what_is_done(woods, monkeypatch):
