@@ -11,7 +11,7 @@ from .operators import exchange as exchange_operators
 from .operators import keys
 from .properties import body_class, layer, obstacle, placed, scatter, scene, size
 from .properties.in_english import keep_in_english
-from .sidebar import asset_shelf, density_preview, export_notes, lists, menus, panels
+from .sidebar import asset_shelf, density_preview, export_notes, followed_names, lists, menus, panels
 from .solving import live, loading, running
 
 __all__ = ["register", "unregister"]
@@ -64,6 +64,7 @@ def unregister() -> None:
     running.end(wait=True)
     loading.end()
     forecast.detach()
+    followed_names.detach()
     lent_survey.detach()
     keys.detach()
     menus.detach()

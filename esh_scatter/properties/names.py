@@ -14,8 +14,10 @@ __all__ = [
     "NEW_CLASS",
     "class_of",
     "class_renamed",
+    "follow_names",
     "keep_name_unused",
     "name_class_after",
+    "outnamed",
     "scatter_of",
     "scatter_renamed",
     "take_name_of_result",
@@ -67,6 +69,30 @@ def name_class_after(size: PropertyGroup) -> None:
     if size.source is not None and len(body_class.sizes) == 1 and not has_own:
         body_class.name = size.source.name
         body_class.named_after = body_class.name
+
+
+def outnamed(scatter: PropertyGroup) -> list[PropertyGroup]:
+    """Return the classes that are named after what they place, and are called otherwise since that was renamed."""
+    return [
+        one for one in scatter.classes if one.name == one.named_after != "" and not _has_name_of_source(one, scatter)
+    ]
+
+
+def _has_name_of_source(body_class: PropertyGroup, scatter: PropertyGroup) -> bool:
+    source = body_class.sizes[0].source if len(body_class.sizes) == 1 else None
+    if source is None:
+        return True
+    name = source.name.strip() or body_class.KIND
+    stem, _, number = body_class.name.rpartition(" ")
+    # It is numbered for a class that may be gone by now.
+    numbered = stem == name and number.isdecimal()
+    return numbered or body_class.name == unused_name(name, {one.name for one in scatter.classes if one != body_class})
+
+
+def follow_names(scatter: PropertyGroup) -> None:
+    """Rename the classes that are named after what they place, where somebody has renamed that."""
+    for body_class in outnamed(scatter):
+        name_class_after(body_class.sizes[0])
 
 
 def class_renamed(item: PropertyGroup, context: object) -> None:

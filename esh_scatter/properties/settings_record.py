@@ -16,6 +16,7 @@ import bpy
 from ...engine.problem.look_at import LookAt
 from ...engine.problem.scatter_settings import TargetSettings
 from ...engine.problem.settings import settings_of
+from ..classes.name_lists import names_in
 from ..classes.standing import Unread
 from ..result import pins
 from ..targets import checksums
@@ -58,7 +59,8 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
     """
     more = OF_OUTLINES if scatter.avoid_overlap else ()
     target = scatter.first_target
-    names = {str(c.uid): c.name for c in classes}
+    called = {str(c.uid): c.name for c in classes}
+    names = dict(called)
     return {
         "target": target and state_of_targets(scatter),
         "scatter": _without_defaults(_values(scatter, names, "scatter") | _kept_off(scatter), scatter.bl_rna),
@@ -67,7 +69,8 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
                 "values": _without_defaults(
                     _values(c, names, str(c.uid), more)
                     | (_turned_to(c) if more else {})
-                    | _points_along(c, target, names),
+                    | _points_along(c, target, names)
+                    | {"may_overlap": _numbers_of(c.names_that_may_overlap, called)},
                     c.bl_rna,
                 ),
                 **_where_it_looks(c),
@@ -87,6 +90,11 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
         },
         "names": names,
     }
+
+
+def _numbers_of(names: set[str], called: Mapping[str, str]) -> list[str]:
+    """Return the numbers of the classes with some names, which may be renamed; ``called`` are the names of all, by their numbers."""
+    return sorted(uid for uid, name in called.items() if name in names)
 
 
 def looks_of(body_class: Any) -> list[float] | None:
@@ -177,7 +185,7 @@ def completed(before: dict[str, Any], scatter: Any) -> dict[str, Any]:
     classes = {
         uid: {
             **one,
-            "values": _without_defaults(one["values"], of_classes),
+            "values": _without_defaults({**one["values"], **_overlap_by_numbers(one["values"], before)}, of_classes),
             "layers": [_layer_without_defaults(layer, of_layers) for layer in one.get("layers", [])],
             "sizes": [_without_defaults(size, of_sizes) for size in one["sizes"]],
         }
@@ -189,6 +197,13 @@ def completed(before: dict[str, Any], scatter: Any) -> dict[str, Any]:
         target = state_of_targets(scatter)
     values = _without_defaults(before["scatter"], scatter.bl_rna)
     return {**before, "target": target, "scatter": values, "classes": classes}
+
+
+def _overlap_by_numbers(values: dict[str, Any], before: dict[str, Any]) -> dict[str, Any]:
+    """Return which classes a class may overlap, by their numbers also where an older record has their names."""
+    told = values.get("may_overlap", [])
+    called = {uid: name for uid, name in before["names"].items() if uid in before["classes"]}
+    return {"may_overlap": _numbers_of(names_in(told), called) if isinstance(told, str) else told}
 
 
 def same(before: dict[str, Any], now: dict[str, Any]) -> bool:

@@ -19,6 +19,7 @@ from ..targets import checksums
 from ..targets.bending import bends_alone_in_renders
 from . import class_panels, report_panel
 from .density_panel import is_painted
+from .followed_names import follow_names_later
 from .foreign_results import draw_foreign
 from .panel_parts import (
     Panel,
@@ -105,6 +106,7 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
         if scatter.live and not live.is_live(context.scene, scatter):
             # It was switched on in the file that was opened, or by redo.
             live.wake()
+        follow_names_later(scatter)
         if editing:
             _draw_editing(context, layout.column(align=True), scatter, result)
             return

@@ -1,0 +1,131 @@
+"""Classes that are named after what they place follow where that is renamed."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from esh.esh_scatter.properties.names import follow_names, outnamed  # noqa: E402
+from esh.esh_scatter.result import pins  # noqa: E402
+from esh.esh_scatter.sidebar import followed_names  # noqa: E402
+from esh.esh_scatter.targets import checksums  # noqa: E402
+from esh.esh_scatter.targets.mesh_attributes import read_attribute  # noqa: E402
+
+with pytest.MonkeyPatch.context() as patch:
+    patch.syspath_prepend(Path(__file__).parent)
+    from drawn_panels import draw_all
+
+pytestmark = pytest.mark.usefixtures("empty_file")
+
+
+def cone(name):
+    bpy.ops.mesh.primitive_cone_add(vertices=24, radius1=0.4, depth=1.0, location=(80, 0, 0))
+    bpy.context.object.name = name
+    return bpy.context.object
+
+
+def active():
+    return bpy.context.scene.esh_scatter.active
+
+
+def names():
+    return [one.name for one in active().classes]
+
+
+@pytest.fixture
+def made():
+    bpy.ops.mesh.primitive_grid_add(size=20, x_subdivisions=30, y_subdivisions=30)
+    settings = bpy.context.scene.esh_scatter.add_scatter(bpy.context.object)
+    for name in ("Cone", "Cylinder"):
+        size = settings.add_class().sizes[0]
+        size.source_object, size.count = cone(name), 40
+    settings.classes["Cylinder"].may_overlap = "Cone"
+    settings.device, settings.max_steps = "CPU", 10
+    return settings
+
+
+def draw_and_wait():
+    """Draw the sidebar, and do what it asked to be done in a moment."""
+    draw_all()
+    if bpy.app.timers.is_registered(followed_names._follow):
+        followed_names.detach()
+        followed_names._follow()
+        return True
+    return False
+
+
+def test_the_sidebar_has_classes_follow_at_once_and_those_that_refer_to_them_know(made):
+    bpy.ops.esh.scatter()
+    mesh = made.result.data
+    mesh.vertices[5].co.x += 0.3
+    bpy.ops.esh.scatter()
+    assert not draw_and_wait()
+    bpy.data.objects["Cone"].name = "Pine"
+    assert draw_and_wait() and names() == ["Pine", "Cylinder"] and not draw_and_wait()
+    assert made.classes["Cylinder"].may_overlap == "Pine"
+    with checksums.now():
+        assert not made.outdated
+    (one,) = np.flatnonzero(pins.staying(made.result.data))
+    stays = read_attribute(made.result.data, "position")[one]
+    made.seed += 1
+    bpy.ops.esh.scatter()
+    now = read_attribute(made.result.data, "position")
+    assert np.abs(now - stays).max(axis=1).min() < 1e-4, "what was moved by hand is still of that class"
+
+
+def test_what_somebody_has_named_keeps_its_name(made):
+    made.classes["Cone"].name = "Tall Tree"
+    bpy.data.objects["Cone"].name = "Pine"
+    assert not draw_and_wait() and names() == ["Tall Tree", "Cylinder"]
+
+
+def test_a_name_that_another_class_has_is_numbered_once(made):
+    made.classes["Cone"].name = "Larch"
+    bpy.data.objects["Cylinder"].name = "Larch"
+    assert draw_and_wait() and names() == ["Larch", "Larch 2"] and not outnamed(made)
+    made.classes["Larch"].name = "Spruce"
+    assert not outnamed(made), "a number stays"
+    bpy.data.objects["Larch"].name = " Fir "
+    follow_names(made)
+    assert names() == ["Spruce", "Fir"] and not outnamed(made)
+
+
+def test_undo_and_redo_of_a_new_name(made):
+    bpy.ops.ed.undo_push(message="made")
+    bpy.data.objects["Cone"].name = "Pine"
+    bpy.ops.ed.undo_push(message="renamed")
+    draw_and_wait()
+    bpy.ops.ed.undo()
+    assert names() == ["Cone", "Cylinder"] and not draw_and_wait()
+    bpy.ops.ed.redo()
+    draw_and_wait()
+    assert names() == ["Pine", "Cylinder"]
+
+
+def test_without_a_sidebar_the_next_run_has_them_follow(made):
+    bpy.data.objects["Cone"].name = "Pine"
+    bpy.ops.esh.scatter()
+    assert names() == ["Pine", "Cylinder"] and [one["name"] for one in made.report["classes"]] == names()
+
+
+def test_a_collection_is_followed_too(made):
+    trees = bpy.data.collections.new("Trees")
+    trees.objects.link(bpy.data.objects["Cone"])
+    made.classes[0].sizes[0].source_kind = "COLLECTION"
+    made.classes[0].sizes[0].source_collection = trees
+    assert names()[0] == "Trees"
+    trees.name = "Wood"
+    assert draw_and_wait() and names()[0] == "Wood"
+
+
+def test_what_may_overlap_is_no_change_where_it_is_called_otherwise(made):
+    bpy.ops.esh.scatter()
+    # As earlier versions kept it.
+    made.ran_with = made.ran_with.replace(f'"may_overlap":["{made.classes[0].uid}"]', '"may_overlap":"Cone"')
+    assert '"may_overlap":"Cone"' in made.ran_with and not made.outdated
+    made.classes["Cone"].name = "Pine"
+    assert not made.outdated
+    made.classes["Cylinder"].may_overlap = ""
+    assert made.outdated and len(made.changes()) == 1
