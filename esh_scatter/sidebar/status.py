@@ -1,5 +1,6 @@
 """What the first panel says below its button: what is missing, what has changed since the last run, or how that went."""
 
+import itertools
 from typing import Any
 
 import bpy
@@ -11,6 +12,7 @@ from ..result.refused import NOT_SEEN
 from ..result.result import is_shared
 from ..solving import live
 from ..targets.in_scenes import is_in
+from ..targets.target import members_of
 from .panel_parts import fits_line, write_text
 
 __all__ = ["draw_status"]
@@ -52,6 +54,8 @@ def draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter:
             _draw_deleted(context, column, scatter, words.placed(report))
             _draw_later(context, column, scatter)
     said = live.status(context.scene, scatter)
+    if scatter.live and not said and (edited := _edited(context, scatter)):
+        write_text(context, column, f'Live goes on when you leave Edit Mode of "{edited}"', icon="INFO")
     if said and context.mode.startswith("PAINT"):
         # Before the first stroke there is nothing yet, and that is no mistake.
         write_text(context, column, words.behind_rule(said), icon="INFO")
@@ -66,6 +70,15 @@ def draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter:
         write_text(context, column, f"{left_out[0]}{more}", icon="ERROR")
     if muted := scatter.muted():
         write_text(context, column, muted, icon="MUTE_IPO_ON")
+
+
+def _edited(context: bpy.types.Context, scatter: ESH_PG_scatter) -> str:
+    """Return what a scatter is made of and nobody can read, as it is in Edit Mode; empty where nothing is."""
+    edited = set(context.objects_in_mode) if context.mode.startswith("EDIT") else set()
+    placed = (item for one in scatter.ready_classes() for size in one.sizes for item in members_of(size.source))
+    kept_off = (item for one in scatter.obstacles if one.ready for item in one.items)
+    made_of = itertools.chain(scatter.targets, placed, kept_off, scatter.other_results()) if edited else ()
+    return next((str(item.name) for item in made_of if item in edited), "")
 
 
 def _draw_deleted(context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter, placed: int) -> None:

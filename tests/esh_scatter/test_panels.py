@@ -502,6 +502,23 @@ def test_painting_can_be_ended_near_the_top_of_the_sidebar():
     bpy.ops.object.mode_set(mode="OBJECT")
 
 
+def test_where_live_waits_for_edit_mode_to_be_left_the_status_says_so(monkeypatch):
+    scatter = ready_scatter()
+    monkeypatch.setattr(panels.live, "wake", lambda: None)
+    placed = scatter.classes[0].sizes[0].source_object
+    for item in (scatter.target, placed):
+        waits = f'Live goes on when you leave Edit Mode of "{item.name}"'
+        scatter.live = True
+        assert waits not in draw_all(900)
+        bpy.context.view_layer.objects.active = item
+        bpy.ops.object.mode_set(mode="EDIT")
+        drawn = draw_all(900)
+        assert waits in drawn and drawn.index(waits) < drawn.index("classes")
+        scatter.live = False
+        assert waits not in draw_all(900)
+        bpy.ops.object.mode_set(mode="OBJECT")
+
+
 def test_while_instances_are_edited_or_real_the_top_says_so_and_leads_back():
     scatter = ready_scatter()
     bpy.context.view_layer.objects.active = scatter.result
