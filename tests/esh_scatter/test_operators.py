@@ -348,8 +348,8 @@ class Job:
 
     def __init__(self) -> None:
         self.written = False
-        # What the operator does with what was written is not looked at.
-        self.result = SimpleNamespace(report=None)
+        # What the operator does with what was written is not looked at, nor what it was read from.
+        self.result, self.made_with = SimpleNamespace(report=None), ""
 
     def solve(self, progress, _ask):
         while progress(SimpleNamespace(step=1, steps=5)):
