@@ -121,8 +121,6 @@ class RunOperator(bpy.types.Operator):
     _hints: tuple[str, ...] = ()
     # What has held the number of objects, as the panel tells it from then on; empty where nothing has.
     _held: str = ""
-    # What the result was read from, where the window went on meanwhile.
-    _made_with: str | None = None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run to the end before returning: for scripts, ``blender -b`` and the panel of the last operation."""
@@ -253,11 +251,10 @@ class RunOperator(bpy.types.Operator):
             settings = session.scatter
             assert settings is not None
             settings.forget_deleted_result()
-            self._made_with = session.job.made_with
             result = session.job.write()
         except EshError as error:
             return self._failed(context, error)
-        return self._finish(settings, result)
+        return self._finish(settings, result, session.job.made_with)
 
     def _failed(self, context: bpy.types.Context, error: EshError) -> set[str]:
         """Say why there is no result, and take back what was changed for it."""
@@ -265,8 +262,9 @@ class RunOperator(bpy.types.Operator):
         self._undo(context)
         return {"CANCELLED"}
 
-    def _finish(self, settings: ESH_PG_scatter, result: "ScatterResult") -> set[str]:
-        report = keep_result(settings, result, self._held, self._made_with)
+    def _finish(self, settings: ESH_PG_scatter, result: "ScatterResult", made_with: str | None = None) -> set[str]:
+        """Keep what was placed, and tell of it; ``made_with`` is what it was read from, where the window went on meanwhile."""
+        report = keep_result(settings, result, self._held, made_with)
         left_out = settings.left_out()
         look = [*self._hints[:1], *words.notes(report), *left_out]
         with checksums.now():

@@ -94,8 +94,8 @@ class ESH_OT_scatter_all(RunOperator):
         self._end(context)
         return False
 
-    def _finish(self, settings: ESH_PG_scatter, result: "ScatterResult") -> set[str]:
-        self._done.append((settings.name, keep_result(settings, result, made_with=self._made_with)))
+    def _finish(self, settings: ESH_PG_scatter, result: "ScatterResult", made_with: str | None = None) -> set[str]:
+        self._done.append((settings.name, keep_result(settings, result, made_with=made_with)))
         return self._next(bpy.context)
 
     def _failed(self, context: bpy.types.Context, error: EshError) -> set[str]:

@@ -311,7 +311,7 @@ class Window:
         for name in ("_stopped", "_write", "_failed", "_finish"):
             setattr(operator, name, getattr(ESH_OT_scatter, name).__get__(operator))
         if isinstance(job, Job):
-            operator._finish = lambda _settings, _result: {"FINISHED"}
+            operator._finish = lambda _settings, _result, _made_with: {"FINISHED"}
         self.operator = operator
 
     def send(self, kind: str, value: str = "PRESS", *keys: str) -> set[str]:
@@ -341,6 +341,25 @@ def test_the_modal_run_gives_what_the_script_gives(scatter, monkeypatch):
     assert positions(scatter.result) == expected
     assert window.timers == [] and running.session is None
     assert [kind for kind, _ in window.reports] in (["INFO"], ["WARNING"])
+
+
+def test_the_panel_of_the_last_operation_keeps_what_its_own_run_was_read_from(scatter, monkeypatch):
+    """Blender runs the same operator once more, which has been modal before."""
+    from esh.esh_scatter.operators.run_operator import job_of
+
+    real_context = bpy.context
+    job = job_of(real_context, scatter)
+    window = Window(monkeypatch, job)
+    job_write = job.write
+    monkeypatch.setattr(job, "write", lambda: job_write(real_context), raising=False)
+    assert window.run_to_end() == {"FINISHED"} and not scatter.outdated
+    monkeypatch.setattr(running.bpy, "context", real_context)
+    scatter.seed += 1
+    assert scatter.outdated
+    window.operator._settings, window.operator.asked = lambda _context: scatter, False
+    window.operator.options = SimpleNamespace(is_repeat=True)
+    assert ESH_OT_scatter.execute(window.operator, real_context) == {"FINISHED"}
+    assert not scatter.outdated and scatter.changes() == []
 
 
 class Job:
@@ -398,7 +417,7 @@ def test_a_run_whose_scatter_is_removed_by_a_script_ends_at_once(scatter, monkey
     assert window.send("TIMER") == {"PASS_THROUGH"}
     undone, finished = [], []
     window.operator._undo = lambda _context: undone.append(1)
-    window.operator._finish = lambda settings, _result: finished.append(settings.name) or {"FINISHED"}
+    window.operator._finish = lambda settings, _result, _made_with: finished.append(settings.name) or {"FINISHED"}
     if "scene" in what:
         bpy.data.scenes.new("Other")
         bpy.data.scenes.remove(scene)
