@@ -1,7 +1,15 @@
-"""The sampler: numbers in, numbers out. Never imports bpy or esh_scatter, and works without Blender.
+"""The engine: solves placement problems without Blender. Takes numbers and arrays, and never imports ``bpy`` or ``esh_scatter``.
 
-Every public name has one import path, its module; the package ``esh`` offers the ones that users need. Modules lie in rooms, which
-import each other in one direction only: ``solve`` knows ``solver`` and ``quality``, these know ``field`` and ``cascade``, then
-``space``, ``surface`` and ``transforms``, and last ``device`` and ``problem``. ``files`` and ``drawing`` need none of these but
-``problem``; ``scenes``, ``tiles`` and ``cli`` are above all. CONTRIBUTING.md has the whole table.
+The engine is divided into packages, called rooms, which import each other in one direction only. From the bottom up:
+
+- ``problem``: what is asked for, and the result. ``device``: how kernels run.
+- ``transforms``, ``space``, ``surface``, ``heat``: Fourier transforms, the rectangular domain, triangle meshes, smoothing on these.
+- ``field`` and ``cascade``: fast forces in the plane and on surfaces.
+- ``model``, ``motion``, ``contact``, ``descent``, ``edits``, ``solver``: the solver, from compiled tables to whole runs.
+- ``quality``: measures placements, independently of the solver. ``solve.py`` is the only file that uses both.
+- ``files`` and ``drawing`` read, write and draw; of the rooms above they need ``problem`` only.
+- ``scenes``, ``tiles`` and ``cli``: many scenes, huge domains, the command line.
+
+CONTRIBUTING.md has the whole table, and says which room may import which. Every public name has one import path, its module;
+the package ``esh`` exports those that users need.
 """

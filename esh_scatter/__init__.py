@@ -1,1 +1,1 @@
-"""Blender's side: panel, operators, node group, targets, headless API."""
+"""Blender's side: the API for scripts, targets, the result's node group, operators and the sidebar. The engine does the solving."""

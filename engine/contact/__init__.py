@@ -1,5 +1,7 @@
-"""Keeps footprints apart.
+"""Keeps the footprints of bodies apart.
 
-Contact pushes discs and capsules apart in every step, separation parts outlines at the end. May import ``cascade``,
-``device``, ``model``, ``motion``, ``problem``, ``space`` and ``surface``.
+*Contact* (``contact.py``, ``surface_contact.py``) pushes discs and capsules apart in every step of the descent. *Separation*
+(``separation.py``) moves exact convex outlines apart after the last step.
+
+May import ``cascade``, ``device``, ``model``, ``motion``, ``problem``, ``space`` and ``surface``.
 """

@@ -1,5 +1,6 @@
-"""The relaxation, in the plane and on surfaces.
+"""Minimizes the energy: where bodies start, what one step launches, when a run has converged, and where bodies end.
 
-Where bodies start, what one step launches, and where they end. May import ``cascade``, ``contact``, ``device``,
-``field``, ``heat``, ``model``, ``motion``, ``problem``, ``space`` and ``surface``.
+Begin with ``descent.py`` for the plane and ``surface_descent.py`` for surfaces.
+
+May import ``cascade``, ``contact``, ``device``, ``field``, ``heat``, ``model``, ``motion``, ``problem``, ``space`` and ``surface``.
 """

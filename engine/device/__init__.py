@@ -1,1 +1,6 @@
-"""Where kernels run, on the CPU's threads or on a GPU, and how long they take. Imports no other room."""
+"""Runs kernels on the CPU's threads or on a GPU, and measures how long they take.
+
+Begin with ``launcher.py``.
+
+Imports no other room.
+"""

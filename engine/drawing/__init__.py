@@ -1,1 +1,4 @@
-"""Placements as pictures, which are ink on paper or plans. May import ``files`` and ``problem``."""
+"""Draws placements: halftones as ink on paper, and plans seen from above.
+
+May import ``files`` and ``problem``.
+"""

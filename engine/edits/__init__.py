@@ -1,5 +1,7 @@
-"""From one problem to another.
+"""Continues from the placement of one problem to that of a changed problem.
 
-Which bodies stay, go and come, and the steps in which the others make room for these. May import ``descent``,
-``device``, ``model``, ``motion``, ``problem``, ``space`` and ``surface``.
+Decides which bodies stay, which are removed and where new ones are added (``edit.py``, ``surface_edit.py``), then takes the steps
+in which the other bodies make room (``settling.py``).
+
+May import ``descent``, ``device``, ``model``, ``motion``, ``problem``, ``space`` and ``surface``.
 """

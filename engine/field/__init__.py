@@ -1,5 +1,7 @@
-"""Fast forces.
+"""Fast forces in the plane, by particle-particle particle-mesh (P3M).
 
-Particle-particle-particle-mesh (P3M) is a smooth far part on a mesh, and a near part between neighbors. May import
-``device``, ``space`` and ``transforms``.
+A smooth far part is computed on a mesh with FFTs, a near part between neighbors. Begin with ``field.py``; ``direct_sum.py`` is the
+slow float64 reference.
+
+May import ``device``, ``space`` and ``transforms``.
 """

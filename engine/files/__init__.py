@@ -1,1 +1,4 @@
-"""Recipes, images and placements as files. May import ``problem``."""
+"""Reads and writes files: recipes, images, meshes, placements and reports.
+
+May import ``problem``.
+"""

@@ -1,4 +1,6 @@
-"""Heat that spreads over a surface: what numbers on it are, smoothed along it.
+"""Smooths quantities along a surface with the heat kernel.
+
+Blurred charges and targets on a surface are compared this way: see ``heat_mesh.py``.
 
 May import ``device``, ``problem`` and ``space``.
 """

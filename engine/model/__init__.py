@@ -1,5 +1,7 @@
-"""What a problem compiles to, once, for the solver.
+"""Compiles a problem, once, into the flat tables that the solver reads.
 
-Tables of bodies, charges and groups; and the states they can be in. May import ``cascade``, ``device``, ``field``,
-``problem``, ``space`` and ``surface``.
+``model.py`` has the tables of bodies, charges and groups. ``attraction.py`` says what attracts the groups, ``supports.py`` where
+bodies may be. ``state.py`` holds what changes from step to step in the plane; the state on a surface is in the room ``motion``.
+
+May import ``cascade``, ``device``, ``field``, ``problem``, ``space`` and ``surface``.
 """

@@ -1,5 +1,7 @@
-"""How bodies move.
+"""Moves bodies: the forces on their charges, the moves that these propose, the direction of the descent, and the rules for lines.
 
-The forces on their charges, the steps that follow from these, and the rules that lines keep. May import ``cascade``,
-``device``, ``field``, ``model``, ``problem``, ``space`` and ``surface``.
+``forces.py`` is for the plane, and ``direction.py`` for the plane and surfaces. Files with ``surface`` in their names hold what
+differs on surfaces, whose forces come from the room ``cascade``. The step that puts all this together is in the room ``descent``.
+
+May import ``cascade``, ``device``, ``field``, ``model``, ``problem``, ``space`` and ``surface``.
 """

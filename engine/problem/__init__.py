@@ -1,5 +1,6 @@
-"""What is asked for, and what came of it.
+"""Describes what is asked for (problems) and what was reached (placements and reports).
 
-Problems and the rules that their values keep, inks and directions; placements and their reports. NumPy only. Imports no
-other room.
+Also checks values, separates color images into inks, and derives preferred directions. Uses NumPy only, never Warp.
+
+Imports no other room.
 """

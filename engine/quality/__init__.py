@@ -1,5 +1,6 @@
-"""How good a placement is.
+"""Measures how good a placement is: coverage, spacing, overlaps and lines.
 
-Coverage, spacing, overlaps and lines, measured on the placement alone, independent of the solver. May import
-``device``, ``field``, ``heat``, ``problem``, ``space``, ``surface`` and ``transforms``.
+Everything is measured on the placement alone, independently of the solver, so that a mistake of the solver shows.
+
+May import ``device``, ``field``, ``heat``, ``problem``, ``space``, ``surface`` and ``transforms``.
 """

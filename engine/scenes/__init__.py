@@ -1,4 +1,6 @@
-"""Many scenes: variations of a recipe, solved in warm processes here or on other machines, into a folder that can be continued.
+"""Solves many variations of a recipe into a folder.
+
+Works in warm processes on this machine or on others; an interrupted batch can be continued.
 
 May import ``device``, ``files``, ``problem`` and ``solve.py``.
 """

@@ -1,5 +1,7 @@
-"""What lies over the domain, for whoever needs it.
+"""What all parts of the solver know of the rectangular domain.
 
-Density images, meshes of nodes, cells, and who is whose neighbor. May import ``device``, ``problem`` and
-``transforms``.
+The space itself, which says what happens at the edges (``space.py``), density images, layouts of meshes, sorting into cells, and
+the search for neighbors.
+
+May import ``device``, ``problem`` and ``transforms``.
 """

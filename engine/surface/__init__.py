@@ -1,5 +1,7 @@
-"""Triangle meshes: one seen from above, and surfaces that bodies are placed on.
+"""Triangle meshes, used in two ways.
 
-Of the first, the chart that ties the domain to it, what it says at its points, how much ground it takes; of the second, the
-facets that it is cut into, and which of its parts see each other. May import ``device`` and ``problem``.
+A mesh seen from above gets a *chart*, which ties the rectangular domain to it (``chart.py``). A whole surface that bodies are
+placed on is cut into *facets* (``facets.py``); other files find which of its parts touch or stand on one another.
+
+May import ``device`` and ``problem``.
 """

@@ -1,5 +1,6 @@
-"""One huge domain, solved in tiles: no process ever holds more of it than a window, and what comes of it has no seams.
+"""Solves a domain that is larger than memory, tile by tile and without seams.
 
-May import ``descent``, ``device``, ``field``, ``files``, ``model``, ``motion``, ``problem``, ``scenes`` and
-``space``.
+No process holds more of the domain than one window: a tile and its surroundings. Begin with ``tiles.py``.
+
+May import ``descent``, ``device``, ``field``, ``files``, ``model``, ``motion``, ``problem``, ``scenes`` and ``space``.
 """

@@ -1,1 +1,4 @@
-"""Fourier transforms of real meshes, and convolution through them. May import ``device``."""
+"""Fourier transforms of real meshes, and convolution through them, on the CPU and on GPUs.
+
+May import ``device``.
+"""

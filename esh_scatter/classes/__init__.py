@@ -1,1 +1,1 @@
-"""Classes of objects: what is asked for, and what their objects are."""
+"""Classes of a scatter: what a caller asks for, and the objects that are placed, with their outlines and how they stand."""

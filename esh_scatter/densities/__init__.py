@@ -1,1 +1,1 @@
-"""How densely a class is placed: images, layers, the ground, what stands nearby."""
+"""Densities of a class, as Blender has them: images, layers, the shape of the ground, nearby objects."""

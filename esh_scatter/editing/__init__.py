@@ -1,1 +1,4 @@
-"""Settings of the sidebar, made and judged: from a selection, a preset or a copy, by painting; what a run will take."""
+"""Logic behind the sidebar's settings, without any buttons.
+
+Makes settings from a selection, a preset, a copy or by painting, and forecasts what a run will cover.
+"""

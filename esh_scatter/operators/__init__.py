@@ -1,4 +1,4 @@
-"""Buttons of the sidebar. They translate between Blender and the API, and turn its errors into sentences."""
+"""Operators: the buttons of the sidebar. They translate between Blender and the API, and report its errors as sentences."""
 
 from . import (
     assets,

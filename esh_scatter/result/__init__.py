@@ -1,1 +1,4 @@
-"""What a scatter leaves in the file: points, the node group that shows them, pins, and other programs' files."""
+"""The result of a scatter in the .blend file.
+
+Its points, the node group that shows objects on them, pinned objects, and exchange with other programs' files.
+"""

@@ -1,1 +1,1 @@
-"""The tab of the viewport's sidebar: panels, menus, lists, and the preview of a density."""
+"""The tab in the sidebar of the 3D view: panels, menus, lists, and the preview of a density."""

@@ -1,1 +1,1 @@
-"""From a request to a result: one job, a run in the window, Live."""
+"""From a request to a result: a single job (``job.py``), a run in the window (``running.py``), and Live (``live.py``)."""

@@ -1,1 +1,1 @@
-"""Meshes of Blender that something is placed on: read, known again, and whether they have changed."""
+"""Target meshes, on which objects are placed: reading them from Blender, and noticing when they have changed."""
