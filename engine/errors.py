@@ -113,7 +113,7 @@ class EshError(ValueError):
     """Base of every error that a user's input can cause.
 
     Attributes:
-        refusal: What it is about; None where its sentence is all that is known.
+        refusal: The same as data, so that an interface can say it in its own words; None where there is only the sentence.
     """
 
     def __init__(self, message: str = "", refusal: Refusal | None = None) -> None:
@@ -122,12 +122,12 @@ class EshError(ValueError):
 
 
 class ProblemError(EshError):
-    """A :class:`~esh.engine.problem.problem.Problem` that has no meaning: a count of 0, a density of zeros, ..."""
+    """A problem, or an argument, that is not valid: a count of 0 or a density of zeros, for example."""
 
 
 class DeviceError(EshError):
-    """A device that does not exist or that this machine lacks."""
+    """A device that does not exist, or that this machine does not have."""
 
 
 class InputFileError(EshError):
-    """A file that cannot be read: missing, of another format, holding values that have no meaning."""
+    """A file that cannot be read: it is missing, of another format, or holds invalid values."""

@@ -1,4 +1,4 @@
-"""solve(): from a problem to a placement. The only file that knows the solver and the quality."""
+"""solve(): from a problem to a placement with a report. The only file that uses both the solver and the room ``quality``."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from .solver.solver import Solver
 
 __all__ = ["moved", "solve", "solve_on"]
 
-# Of more bodies than this nothing is parted within the second or so that somebody waits after a run was stopped. Measured on two
-# processors: of 10,000 boxes that cover half of their ground four of five overlaps go in a second, of 200,000 hardly any in three.
+# After a run was stopped, outlines are parted for about a second only. With more bodies than this it is not worth trying. Measured on
+# two processors: of 10,000 boxes that cover half of their ground four of five overlaps go in a second, of 200,000 hardly any in three.
 MOST_PARTED_AFTER_STOP = 30_000
-# Seconds after which whoever watches is asked again while outlines are being parted.
+# Seconds between two calls of the progress callback while outlines are being parted.
 MOMENT = 0.1
 
 
@@ -44,18 +44,20 @@ def solve(
         problem: What to place where.
         device: ``"auto"`` (an NVIDIA GPU where there is one), ``"cpu"`` or ``"cuda:0"``.
         max_steps: Steps of the relaxation at most, >= 1.
-        progress: Called after every step with a :class:`Progress`, and with the last one again while outlines are being parted for
-            longer than a moment; of few bodies, with step 0 while the best of several starts is looked for. Returning False stops
-            the run, which then returns what is there, with ``report.converged`` False.
-        profile: Gets the seconds that every phase takes.
+        progress: Called after every step with a :class:`Progress`. While outlines are parted after the last step, it is called
+            with the last :class:`Progress` again, about every tenth of a second. With few bodies, it is called with step 0 while the
+            best of several starts is chosen. Returning False stops the run. It then returns the placement reached so far, with
+            ``report.converged`` False.
+        profile: Records the seconds that every phase takes.
 
     Returns:
-        The placement, with exact counts and its report. ``report.converged`` is True when the bodies came to rest, RMS moves in
-        most of the last three steps below 0.005 of the local spacing (0.02 where outlines that keep apart cover more than 75 % of
-        their ground, and contact decides how far they move), and no outlines overlap where they are to keep apart.
+        The placement, with exact counts and its report. ``report.converged`` is True when both hold: the bodies came to rest, and no
+        outlines overlap that are to keep apart. Bodies are at rest when the RMS of their moves, in most of the last three steps, is
+        below 0.005 of the local spacing. The limit is 0.02 where outlines that keep apart cover more than 75 % of their ground, and
+        contact decides how far they move.
 
-        More steps may still help a little then: of 2,000 bodies that is so from 20 steps on, where coverage errors are up to a
-        fifth above those after 400.
+        More steps may still improve a converged placement a little. With 2,000 bodies, runs count as converged from 20 steps on, when
+        coverage errors are up to a fifth above those after 400 steps.
 
     Raises:
         ProblemError: No problem, one that does not fit into memory or leaves the range of float32, a ``progress`` that cannot be
@@ -79,15 +81,15 @@ def solve_on(
     progress: Callable[[Progress], bool | None] | None = None,
     parting: float = 0.0,
 ) -> Placement:
-    """Do what :func:`solve` does, on threads or a GPU that stay for the next problem, with what is kept there for it.
+    """Do what :func:`solve` does with a launcher that stays open, so that the next problem can use its threads and caches.
 
     Args:
-        launcher: Where to run.
-        problem: See there.
-        max_steps: See there.
-        progress: See there.
-        parting: Seconds at most, more or less, in which outlines that overlap are parted once ``progress`` has stopped the run; where
-            there are very many bodies they are left.
+        launcher: Runs the kernels.
+        problem: As for :func:`solve`.
+        max_steps: As for :func:`solve`.
+        progress: As for :func:`solve`.
+        parting: About how many seconds outlines that overlap are parted after ``progress`` has stopped the run. With 0, or more than
+            ``MOST_PARTED_AFTER_STOP`` bodies, overlaps are left.
     """
     start_time = time.perf_counter()
     with Solver(problem, launcher=launcher) as solver:
@@ -110,11 +112,11 @@ def solve_on(
 
 
 def moved(placement: Placement, position: np.ndarray, device: str = "auto") -> Placement:
-    """Return a placement of the same bodies at other places, with a report of how they are there.
+    """Return a copy of a placement with other positions, measured anew.
 
     Args:
-        placement: One with a report; what that says of the run stays.
-        position: Where they are now [m], of the shape of ``placement.position``; taken back into the domain.
+        placement: A placement with a report, whose steps and seconds are kept.
+        position: New positions [m], in the shape of ``placement.position``; clipped to a rectangular domain.
         device: As for :func:`solve`.
     """
     before = placement.report

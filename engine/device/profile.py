@@ -1,4 +1,4 @@
-"""Where the time of a run goes, and how many processors are at work meanwhile."""
+"""A profile of a run: seconds by phase, and how many threads were busy."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ __all__ = ["Profile"]
 
 
 class Profile:
-    """Seconds by phase, in the order in which phases first came up; pass one to :func:`~esh.engine.solve.solve`.
+    """Records the seconds that a run spends in each phase; pass one to :func:`~esh.engine.solve.solve`.
 
-    On a GPU every phase is waited for, so that a profiled run takes a little longer than others.
+    Phases are in the order in which they first began. A profiled run on a GPU is synchronized after every phase, and so takes a little
+    longer than others.
     """
 
     def __init__(self) -> None:
@@ -32,7 +33,7 @@ class Profile:
 
     @contextlib.contextmanager
     def phase(self, name: str, device: wp.Device) -> Iterator[None]:
-        """Add the time until the end of the block to a phase, less what phases within it take."""
+        """Context manager: adds the time that its block takes to phase ``name``, without the time of phases nested in it."""
         self._python.setdefault(name, 0.0)
         before, self._inner = self._inner, 0.0
         start = time.perf_counter()
@@ -45,7 +46,15 @@ class Profile:
             self._inner = before + spent
 
     def add_ticks(self, name: str, busy: int, wall: int, *, within: bool, alone: bool) -> None:
-        """Add what kernels of a phase took: ``within`` a block of :meth:`phase`, or else by themselves; ``alone`` on one thread."""
+        """Add the time of kernels to phase ``name``, in ticks of the processor's clock.
+
+        Args:
+            name: The phase.
+            busy: Ticks, summed over all threads.
+            wall: Ticks from the beginning to the end.
+            within: Whether the kernels ran inside a block of :meth:`phase`, whose seconds include theirs.
+            alone: Whether one thread ran them while the others waited.
+        """
         self._python.setdefault(name, 0.0)
         if alone:
             self._alone[name] = self._alone.get(name, 0) + wall
@@ -61,9 +70,9 @@ class Profile:
 
     @property
     def busy_threads(self) -> dict[str, float]:
-        """Mean number of threads that were at work, by phase: what stays near 1 does not gain from more processors.
+        """Mean number of busy threads, by phase. A phase that stays near 1 gains nothing from more processors.
 
-        Kernels that wait for memory count as work. 1 on a GPU, where nothing is known of it.
+        Kernels that wait for memory count as busy. On a GPU it is always 1, as threads are not measured there.
         """
         per_tick = self._seconds_per_tick()
         result = {}
@@ -74,9 +83,9 @@ class Profile:
 
     @property
     def serial_seconds(self) -> dict[str, float]:
-        """Seconds in which one thread was at work at most, by phase: Python, and kernels that are not cut into chunks.
+        """Seconds in which at most one thread was busy, by phase: Python, and kernels that are not cut into chunks.
 
-        More processors do not shorten these. 0 on a GPU, where nothing is known of it.
+        More processors do not shorten them. On a GPU it is always 0, as threads are not measured there.
         """
         per_tick = self._seconds_per_tick()
         counted = self._launched.keys() | self._played.keys()

@@ -1,4 +1,4 @@
-"""What may be special about a body."""
+"""Flags of single bodies: pinned bodies and ghosts."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ __all__ = ["BodyFlags", "checked_flags"]
 
 
 class BodyFlags(enum.IntFlag):
-    """What is special about a body."""
+    """Flags of a body, combined with ``|``; 0 for an ordinary one.
 
-    # It acts on others, and does not move.
+    Attributes:
+        PINNED: The body acts on others, and does not move.
+        GHOST: The body acts on others, and is left out of the placement.
+    """
+
     PINNED = 1
-    # It acts on others, and is no part of the result.
     GHOST = 2
 
 

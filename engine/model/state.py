@@ -1,4 +1,4 @@
-"""Where the bodies are, and what the descent remembers of the way there."""
+"""The state of a run in the plane: the poses of all bodies, and what the descent remembers from the last step."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ __all__ = ["State"]
 
 @dataclass(eq=False)
 class State(StateArrays):
-    """The state of a run: everything that a step reads and changes. Lengths in the solver's unit (:class:`~.model.Model`).
+    """The state of a run in the plane: everything that a step changes. Lengths are in the solver's unit (:class:`~.model.Model`).
 
     Attributes:
         pose: Position, angle [rad] and length of every body's axis, ``wp.vec4``, shape ``[body_count]``.
-        turn: How every outline is turned, of lines from their axes [rad], float, shape ``[body_count]``.
-        bend: How far every charge stands beside its body's axis, float, shape ``[charge_count]``.
-        displacement: What the last step changed of the poses, ``wp.vec4``, shape ``[body_count]``.
-        move: What the forces asked for in the last step, ``wp.vec4``, shape ``[body_count]``.
-        length_factor: What makes up for the pressure of the charges in the length of every kind of line, float.
+        turn: Rotation of every outline [rad], for lines relative to their axes, float, shape ``[body_count]``.
+        bend: Offset of every charge perpendicular to its body's axis, float, shape ``[charge_count]``.
+        displacement: Change of the poses in the last step, ``wp.vec4``, shape ``[body_count]``.
+        move: Change of the poses that the forces asked for in the last step, ``wp.vec4``, shape ``[body_count]``.
+        length_factor: Correction of the lengths of lines for the pressure of their charges, float: one for every kind of line, then
+            one for every block of lines whose preferred lengths are an image.
         steps: Steps taken, shape ``[1]``, int32, on the host.
         unit: Meters per unit of length, shape ``[1]``, on the host.
     """

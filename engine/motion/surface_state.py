@@ -1,4 +1,4 @@
-"""Where bodies on a surface are, and what the descent remembers of the way there."""
+"""The state of a run on a surface: where all bodies are, and what the descent remembers from the last step."""
 
 from __future__ import annotations
 
@@ -16,21 +16,23 @@ __all__ = ["SurfaceState"]
 
 @dataclass(eq=False)
 class SurfaceState(StateArrays):
-    """The state of a run on a surface. Lengths in the solver's unit (:class:`~.model.Model`).
+    """The state of a run on a surface: everything that a step changes. Lengths are in the solver's unit (:class:`~.model.Model`).
+
+    Arrays have shape ``[body_count]`` unless another one is given.
 
     Attributes:
-        facet: Facet that every body is on (:mod:`~esh.engine.surface.facets`), int32, shape ``[body_count]``.
-        weight: Weights of the facet's second and third corner, ``wp.vec2``.
-        displacement: What the last step changed of the positions, ``wp.vec3``.
-        move: What the forces asked for in the last step, ``wp.vec3``.
-        axis: Half the axis of every body along the surface, ``wp.vec3``; 0 for a dot.
-        bend: How far every charge stands beside its body's axis, float, shape ``[charge_count]``.
-        heading: How every outline is turned [rad], float: from the direction along the surface that is nearest to x (to y where it
-            looks along x), of a line from its axis.
-        turned: What the last step changed of a line's angle and length, ``wp.vec2``; of a dot on a crumb the second number is how far
-            it has come.
-        turn: What the forces asked to change of them, ``wp.vec2``.
-        length_factor: What makes up for the pressure of the charges in the length of every kind of line, float.
+        facet: Index of the facet that every body is on (:mod:`~esh.engine.surface.facets`), int32.
+        weight: Barycentric weights of that facet's second and third corner, ``wp.vec2``.
+        displacement: Change of the positions in the last step, ``wp.vec3``.
+        move: Change of the positions that the forces asked for in the last step, ``wp.vec3``.
+        axis: Half the axis of every body, a vector along the surface, ``wp.vec3``; 0 for a dot.
+        bend: Offset of every charge perpendicular to its body's axis, float, shape ``[charge_count]``.
+        heading: Rotation of every outline [rad], float. For a line it is measured from its axis; for other bodies from the direction
+            along the surface that is nearest to x, or to y where the surface looks along x.
+        turned: Change of a line's angle and length in the last step, ``wp.vec2``. Of a dot on a crumb (a part of the surface for a few
+            bodies only), the second number is how far it has come.
+        turn: Change of a line's angle and length that the forces asked for, ``wp.vec2``.
+        length_factor: Correction of the lengths of lines for the pressure of their charges, float, one for every kind of line.
         steps: Steps taken, shape ``[1]``, int32, on the host.
         unit: Meters per unit of length, shape ``[1]``, on the host.
     """

@@ -12,7 +12,7 @@ __all__ = ["Progress", "is_stop"]
 
 @dataclass(frozen=True, eq=False)
 class Progress:
-    """Where a run stands, as its progress callback gets it.
+    """How far a run has come, as passed to its progress callback.
 
     Attributes:
         step: Steps taken; 0 while a start is being chosen.

@@ -56,33 +56,33 @@ from .surface_rare_start import rare_start_on_surface
 
 __all__ = ["Bookmark", "Edit", "Solver"]
 
-# What is said where numbers leave the range of float32 all the same.
+# Message of the error that is raised when forces overflow float32, although the problem was checked before.
 OVERFLOW = (
     "the forces between the bodies are no longer finite numbers: areas, lengths and `size_emphasis` lie too far apart; bring them "
     "nearer to each other"
 )
 CLOSED = "this Solver has given its last placement, or was closed; make another one to go on"
-# After which shares of a run's steps targets on a surface are corrected, and the fewest steps of a run in which they are.
+# Targets on a surface are corrected after these shares of a run's steps, and only in runs of at least so many steps.
 CORRECTED_AFTER = (0.3, 0.5, 0.7, 0.85, 0.93)
 FEWEST_CORRECTED = 40
 # Steps after an edit, behind those in which bodies settle.
 EDIT_STEPS = 5
-# An edit that makes so many times more or fewer charges gets another unit of length.
+# If an edit changes the number of charges by more than this factor, up or down, the model gets another unit of length.
 MOST_GROWTH = 1.5
-# Steps on a GPU between two looks at how far bodies still move, where nobody wants to hear of each.
+# Steps on a GPU between two readings of the residual, if there is no progress callback.
 STEPS_UNWATCHED = 50
-# Outlines that look past the point of their class are turned and parted again so many times at most: in crowds one body or the other
-# is always moved far, and trading places is what makes room.
+# Bodies whose class looks at a point are turned towards it and parted again at most so many times. In crowds some body is always moved
+# far, because trading places is what makes room, and so looks past the point again.
 MOST_FACINGS = 4
 
 
 class Edit(NamedTuple):
-    """What an edit did to bodies, by their identities.
+    """What :meth:`Solver.edit` changed. Bodies are told apart by their identities, see :attr:`Placement.id`.
 
     Attributes:
-        added: Those that are new.
-        removed: Those that are gone.
-        steps: Steps taken.
+        added: Identities of new bodies, in rising order, shape ``[added_count]``.
+        removed: Identities of bodies that are gone, in rising order, shape ``[removed_count]``.
+        steps: Steps taken, as asked for.
     """
 
     added: np.ndarray
@@ -92,7 +92,13 @@ class Edit(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Bookmark:
-    """A problem and its bodies as a :class:`Solver` had them before an edit, ready to go on: see :meth:`Solver.bookmark`."""
+    """A solver's problem and bodies at some point, kept so that it can return there: see :meth:`Solver.bookmark`.
+
+    Attributes:
+        model: The compiled problem.
+        descent: The descent, with the state of the bodies.
+        next_identity: The identity that the next new body would have got.
+    """
 
     model: Model
     descent: Descent | SurfaceDescent
@@ -102,21 +108,22 @@ class Bookmark:
 class Solver:
     """Places the bodies of a problem, step by step; :func:`~esh.engine.solve.solve` does all of it at once.
 
-    Use it in a ``with`` block, or call :meth:`close`: it has threads of its own. After that everything raises a ProblemError.
+    A solver owns threads. Use it in a ``with`` block, or call :meth:`close`. A closed solver can take no more steps and give no more
+    placements: these methods then raise a ProblemError.
 
     Args:
         problem: What to place where.
         device: ``"auto"`` (an NVIDIA GPU where there is one), ``"cpu"`` or ``"cuda:0"``.
-        state: Where to go on from, of a solver of the same problem; by default bodies start on a Hilbert curve.
-        profile: Gets the seconds that every phase takes.
-        flags: :class:`~.body_flags.BodyFlags` of every body, shape ``[body_count]``; by default none is special.
-        launcher: Where to run, instead of ``device`` and ``profile``; it is left open.
-        at: Where bodies are, by the names of what :meth:`start_at` takes: the same as calling that next, in half the time.
+        state: State of a solver of the same problem, to continue from. By default bodies start along a Hilbert curve.
+        profile: Records the seconds that every phase takes.
+        flags: :class:`~.body_flags.BodyFlags` of every body, shape ``[body_count]``; all 0 by default.
+        launcher: Runs the kernels, instead of one made from ``device`` and ``profile``. The solver does not close it.
+        at: Arguments of :meth:`start_at` by name. The same as calling that method next, in half the time.
 
     Attributes:
         model: The compiled problem.
-        launcher: Where it runs.
-        descent: What its steps consist of.
+        launcher: Runs the kernels, on threads or on a GPU.
+        descent: The bodies' state, and the kernels that one step launches.
 
     Raises:
         ProblemError: The problem does not fit into memory.
@@ -188,7 +195,7 @@ class Solver:
             raise
 
     def _cut(self) -> None:
-        """Where the border is natural, let go of what was placed beyond it, and even out what that leaves along it."""
+        """With a natural border, drop the bodies beyond it and even out the charge along the cut. Does nothing the second time."""
         if self._border is None:
             return
         with self.launcher.phase("border"):
@@ -204,7 +211,7 @@ class Solver:
             self.descent.step.play(STEPS_WITHIN)
 
     def _leave_beyond(self) -> bool:
-        """Forget what was placed beyond a natural border, and within it, for bodies to start elsewhere; tell whether that was done."""
+        """With a natural border, discard all bodies placed so far, as new positions follow; return whether there was a border."""
         if self._border is None:
             return False
         self._border = None
@@ -217,21 +224,21 @@ class Solver:
         return self._border.cut(self.descent.positions(), self.model)
 
     def edit(self, problem: Problem, *, steps: int = EDIT_STEPS) -> Edit:
-        """Go on with another problem in the same domain from where bodies are.
+        """Continue with another problem in the same domain, from where the bodies are.
 
-        Other densities, counts, sizes, classes, obstacles and fixed bodies are followed. Where a class's density fell, its surplus is
-        taken out, and set down where it rose. Then bodies settle, four fifths of them within a tenth of a spacing of where they were,
-        fewer where more than a tenth of all came or went, or outlines that cover half of the ground are parted: see :mod:`.settling`.
-        Bodies keep their :attr:`Placement.id`.
+        Densities, counts, sizes, classes, obstacles and fixed bodies may differ. Where a class's density fell, its surplus bodies are
+        removed; where it rose, bodies are added. Then bodies settle. Four fifths of them stay within a tenth of a spacing of where
+        they were, fewer if more than a tenth of all were added or removed, or if outlines that cover half of the ground are parted:
+        see :mod:`.settling`. Bodies that stay keep their :attr:`Placement.id`.
 
         Args:
-            problem: What is to be placed now. Classes and sizes are the same as before if their names are; a fixed body with the
-                ``id`` of one that is there is that body, pinned or moved.
-            steps: Steps to take once bodies have settled, 0 or more; those of :meth:`run` leave all bodies free, and stir more of them
-                for little. With 0 nobody settles, either.
+            problem: What to place now. Classes and sizes are matched with those before by their names. A fixed body whose ``id`` is
+                that of an existing body is that body, pinned or moved.
+            steps: Steps to take after bodies have settled, 0 or more. With 0 they do not settle either. Steps of :meth:`run` instead
+                would leave all bodies free, and move more of them for little gain.
 
         Returns:
-            Who came and who went.
+            Which bodies were added and removed.
 
         Raises:
             ProblemError: Another domain, or a problem that does not fit into memory.
@@ -331,16 +338,17 @@ class Solver:
             model.body = replace(model.body, identities=identity)
 
     def bookmark(self) -> Bookmark:
-        """Return what :meth:`go_back` takes to have problem and bodies as they are now, whatever is edited until then.
+        """Return a bookmark of the problem and its bodies, which :meth:`go_back` returns to after any number of edits.
 
-        It holds all that steps need, until it is dropped or the solver closed. Steps that are taken before the next edit count.
+        It keeps the memory that steps need, until it is dropped or the solver is closed. It does not copy the bodies: steps taken
+        before the next edit move those of the bookmark, too.
         """
         self._cut()
         self._bookmarks.append(Bookmark(self.model, self.descent, self._next_identity))
         return self._bookmarks[-1]
 
     def go_back(self, bookmark: Bookmark) -> None:
-        """Have problem and bodies as they were where the bookmark is; nothing needs to be set up for that.
+        """Return to the problem and the bodies of a bookmark. Takes no time, as nothing is compiled or computed again.
 
         Raises:
             ProblemError: It is another solver's, or was dropped.
@@ -354,7 +362,7 @@ class Solver:
             self._let_go(before)
 
     def drop(self, bookmark: Bookmark) -> None:
-        """Let go of what a bookmark holds.
+        """Delete a bookmark and release its memory.
 
         Raises:
             ProblemError: It is another solver's, or was dropped.
@@ -377,15 +385,15 @@ class Solver:
 
     @property
     def state(self) -> State | SurfaceState:
-        """Where the bodies are now; it changes with every step, so copy it to keep it.
+        """The current state. It changes with every step, so copy it to keep it.
 
-        Where the border is natural, this lets go of what is beyond, as :meth:`placement` does.
+        With a natural border, this drops the bodies beyond it, as :meth:`placement` does.
         """
         self._cut()
         return self.descent.state
 
     def start_from(self, state: State | SurfaceState) -> None:
-        """Go on from another state of the same problem."""
+        """Continue from another state of the same problem; its values are copied."""
         if self._leave_beyond():
             self.descent = Descent(self.model, self.launcher)
         on_surface = isinstance(self.descent, SurfaceDescent)
@@ -413,22 +421,22 @@ class Solver:
         triangle: np.ndarray | None = None,
         barycentric: np.ndarray | None = None,
     ) -> None:
-        """Go on from where somebody has put the bodies: from a placement that was kept without its state.
+        """Continue from given positions, for example those of a placement that was saved without its state.
 
         Args:
-            position: Where they are [m], in the order of a placement, shape ``[body_count, 2]``; those outside go to the border. On a
-                surface shape ``[body_count, 3]``. Fixed bodies stay where the problem says.
-            angle: How they lie [rad], as a placement says it, shape ``[body_count]``; None as they would begin.
-            length: Lengths of lines [m], shape ``[body_count]``; None, or 0, as they would begin.
-            identity: Their :attr:`Placement.id`, shape ``[body_count]``; None for those that they have.
-            variant: Which of the outlines of their sizes they have, shape ``[body_count]``; None for those of the problem.
-            scale: Factors on these outlines, shape ``[body_count]``; None for those of the problem.
-            triangle: On a surface of one mesh, the triangles that they are on, -1 where that is not known, shape
-                ``[body_count]``; None for those that are nearest.
-            barycentric: Weights of these triangles' corners, shape ``[body_count, 3]``.
+            position: Positions [m] in the order of a placement, shape ``[body_count, 2]``; on a surface ``[body_count, 3]``. Positions
+                outside the domain are moved to its border. Fixed bodies stay where the problem says.
+            angle: Angles [rad] as in :attr:`Placement.angle`, shape ``[body_count]``; None for those that bodies start with.
+            length: Lengths of lines [m], shape ``[body_count]``; None, or 0 for a body, for the length that it starts with.
+            identity: New :attr:`Placement.id` of the bodies, shape ``[body_count]``; None keeps those that they have.
+            variant: Index of every body's outline among those of its size, shape ``[body_count]``; None keeps the problem's.
+            scale: Factors on these outlines, shape ``[body_count]``; None keeps the problem's.
+            triangle: On a surface of one mesh: index of the triangle that every body is on, -1 where unknown, shape
+                ``[body_count]``; None for the nearest ones.
+            barycentric: Weights of these triangles' corners, shape ``[body_count, 3]``; without them ``triangle`` is not used.
 
         Raises:
-            ProblemError: Another number of bodies, a place that is no finite number or not on the surface, identities that are none.
+            ProblemError: Another number of bodies, a position that is not finite or not on the surface, or invalid identities.
         """
         self._check_open()
         model = self.model
@@ -472,10 +480,10 @@ class Solver:
         self.descent.place_charges()
 
     def step(self, count: int = 1) -> float:
-        """Take steps; return the residual, see :class:`Progress`.
+        """Take ``count`` steps, and return the residual after the last one: see :attr:`Progress.residual`.
 
         Raises:
-            ProblemError: A force is no finite number, or ``count`` is no number of steps.
+            ProblemError: A force is not finite, or ``count`` is not a valid number of steps.
         """
         count = check_count(count, "`count`")
         self.descent.step.play(count)
@@ -491,10 +499,10 @@ class Solver:
         return residual
 
     def run(self, max_steps: int, progress: Callable[[Progress], bool | None] | None = None) -> tuple[int, bool]:
-        """Step until bodies have settled, ``max_steps`` are taken or ``progress`` returns False.
+        """Take steps until bodies have settled, ``max_steps`` are taken or ``progress`` returns False.
 
         Returns:
-            The steps taken, and whether bodies have settled.
+            The number of steps taken, and whether bodies have settled.
         """
         max_steps = check_count(max_steps, "`max_steps`")
         check_progress(progress)
@@ -503,7 +511,7 @@ class Solver:
         corrections = self._corrections(max_steps)
         while step < max_steps:
             until = corrections[0] if corrections else max_steps
-            # With nobody watching, steps follow each other without Python, and a GPU need not be asked after each how it goes.
+            # Without a progress callback, many steps run without returning to Python, and a GPU's residual is not read after each.
             many = 1
             if progress is None:
                 unwatched = max(min(until, max_steps - LAST_STEPS) - step, 1)
@@ -539,18 +547,18 @@ class Solver:
 
     @property
     def heat(self) -> HeatMeshes | None:
-        """Meshes that heat spreads on, for a report to take again; None in the plane."""
+        """Meshes for smoothing along the surface, which the report can use again; None in the plane."""
         return self.descent.heat if isinstance(self.descent, SurfaceDescent) else None
 
     def choose_start(self, max_steps: int, progress: Callable[[Progress], bool | None] | None = None) -> int:
-        """Of a few bodies, go to where the least energy is reached from within ``max_steps``; see :mod:`.choice_of_start`.
+        """With few bodies, choose the one of several starts from which the least energy is reached; see :mod:`.choice_of_start`.
 
         Args:
             max_steps: Steps that the run will take at most.
-            progress: Called between starts, with none of the run's steps taken; returning False leaves it at those that were tried.
+            progress: Called between starts, with step 0. Returning False ends the search, and the best of those tried is taken.
 
         Returns:
-            Which of several starts it is; 0 is the one that every run begins with.
+            Number of the chosen start. 0 is the first one, which all runs of many bodies use.
         """
         descent = self.descent
         if not isinstance(descent, Descent):
@@ -563,13 +571,14 @@ class Solver:
         return choose_start(descent, max_steps, TOLERANCE, None if progress is None else go_on)
 
     def separate(self, go_on: Callable[[], bool] | None = None, *, again: bool = False) -> bool:
-        """Part outlines that still overlap, where they are to keep apart at all; returns whether none do any more.
-
-        On a surface points of one class are parted that are closer than any should be.
+        """Part outlines that still overlap, if the problem avoids overlap. On a surface, part bodies of a class that are too close.
 
         Args:
-            go_on: Called now and then; returning False ends it.
-            again: Whether they were parted before, and what has changed since is to stir as few of them as it can.
+            go_on: Called now and then; returning False stops.
+            again: Whether outlines were parted before. Then as few bodies as possible are moved.
+
+        Returns:
+            Whether no outlines overlap that are to keep apart; True if the problem allows overlap.
         """
         self._cut()
         self._face(0.0)
@@ -606,29 +615,29 @@ class Solver:
         return bool(away.any())
 
     def placement(self) -> Placement:
-        """The bodies where they are now; its report is empty.
+        """Return the bodies where they are now, without a report.
 
-        Where the border is natural, this lets go of the bodies beyond it: steps that are taken afterwards are those of an open border.
+        With a natural border, this drops the bodies beyond it for good: later steps treat the border as open.
 
         Raises:
-            ProblemError: A position is no finite number.
+            ProblemError: A position is not finite.
         """
         self._cut()
         placement = self.descent.placement()
-        # One that is not makes their sum so, too.
+        # A single position that is not finite makes the sum not finite.
         if not np.isfinite(placement.position.sum()):
             raise ProblemError(OVERFLOW, Refusal(Reason.FORCES_NOT_FINITE, 1, 0))
         drawn = bool(self.model.kinds) and not isinstance(self.model.problem.domain, Surface)
-        # Ghosts, of which a placement has none, would be missing; and what is kept apart does not overlap.
+        # Ghosts cover ground but are not in the placement, so widths would come out wrong; bodies that keep apart need no correction.
         if drawn and not self.model.problem.avoid_overlap and not (self.model.body.flags & BodyFlags.GHOST).any():
             with self.launcher.phase("widths"):
                 placement = replace(placement, width=with_widths(placement, self.launcher))
         return placement
 
     def last_placement(self) -> Placement:
-        """Return what :meth:`placement` does, and let go of what steps need, so that a report can have the memory.
+        """Return :meth:`placement`, and release the memory that steps need, so that the report can use it.
 
-        Nothing can be stepped after that.
+        The solver can take no steps after that.
         """
         placement = self.placement()
         # Whoever was told how the run goes may ask where bodies are even now.
@@ -638,7 +647,7 @@ class Solver:
         return placement
 
     def close(self) -> None:
-        """Give the threads back, unless they are somebody else's; of a solver that is closed nothing can be asked."""
+        """Release memory and threads; a ``launcher`` that was passed in stays open. See :class:`Solver` for what fails afterwards."""
         if self._closed:
             return
         for bookmark in self._bookmarks.copy():
