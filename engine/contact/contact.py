@@ -1,4 +1,4 @@
-"""Contact of footprints: pushing bodies apart."""
+"""Contact in the plane: pushes footprints apart, as discs and capsules, in every step of the descent."""
 
 from __future__ import annotations
 
@@ -25,15 +25,16 @@ ROUNDS_PER_STEP = 4
 # Share of a push that is made at once, and how much farther than touching bodies are pushed, as a share of their radii.
 DAMPING = 0.9
 SLACK = 1e-3
-# Lines that may overlap still do not cross: footprints thinned to this share keep apart.
+# Where lines may overlap, their axes still should not cross: footprints thinned to this share of their radius are kept apart.
 AXIS_RADIUS = 0.25
-# Unless they lie this many times on each other all the same: then nothing parts them, and everybody touches nearly everybody.
+# Contact of axes is left out where the thinned footprints cover the ground this many times: nearly every body then touches every other
+# one, and nothing can part them.
 MOST_LAYERS = 30.0
-# Nor where each would cross so many if they were strewn at random: what lies around one of them is more than a body can heed. Measured
-# on 2,000 lines along a density's contours: contact leaves an eighth of their crossings at 50, a third at 100, and takes ten times as
-# long as all else there.
+# It is also left out where each line would cross so many others if they were strewn at random: a body then has more neighbors than
+# contact can resolve. Measured on 2,000 lines along a density's contours: contact leaves an eighth of their crossings at 50, a third
+# at 100, and takes ten times as long as all else there.
 MOST_CROSSINGS = 100.0
-# Bodies that the CPU looks after with one reading of a kernel's many arguments.
+# Number of bodies that one element of a kernel handles on the CPU, so that the kernel's many arguments are read less often.
 BODIES_AT_ONCE = 32
 
 

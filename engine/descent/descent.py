@@ -36,36 +36,39 @@ from .initial_placement import Pyramids, first_pose
 
 __all__ = ["STEP_LIMIT", "Descent", "bodies_for_kernels", "step_along_lines"]
 
-# No body moves further in a step than this share of the local spacing: two neighbors that approach just meet. Measured: with 0.25 and
+# Most that a body moves in a step, as a share of the local spacing: two neighbors that approach just meet. Measured: with 0.25 and
 # 1 coverage errors of dots on a steep density differ by 0.3 %; with 1 those of lines are 5 % larger, and some cross.
 STEP_LIMIT = 0.5
 
 
 class Descent:
-    """Takes steps of a model's state.
+    """The descent in the plane: holds the state of a model's bodies, and the recorded kernels of one step.
 
     Args:
-        model: What is to be placed.
-        launcher: Where to run.
+        model: The compiled problem.
+        launcher: Runs the kernels.
         pose: Where bodies start, in the model's unit, shape ``[body_count, 4]``; None for the start of :mod:`.initial_placement`.
             Where angle and length are NaN, they are what the rules for lines want at the start of an edit. Of a model without lines
             it may be on the device, ``wp.vec4``, and belongs to the descent then.
         fewest_nodes: Of the mesh that shows details of the targets; None for as many as it takes to show all.
         targets: What attracts every group; None for the densities of the problem.
-        whole_charge: What charges were before they faded, shape ``[charge_count]``; None where none did.
+        whole_charge: Charges before fading (see ``engine/tiles/fading.py``), shape ``[charge_count]``; None if none faded.
         smooth: Width of a blur between two charges over their spacing, with nothing that keeps close pairs apart, as
             :mod:`.natural_border` wants it; None for the blur that places bodies.
         begins_short: Whether lines that lie across obstacles begin short, as at the start.
-        stirred: Where all forces count, also beside a natural border, in the model's unit, shape ``[m, 2]``: see :mod:`.held_border`.
+        stirred: Places around which forces count in full even beside a natural border, in the model's unit, shape ``[m, 2]``: see
+            :mod:`.held_border`.
+        whole_numbers: Whether separate parts of the ground get the numbers of bodies that they ask for: see
+            :mod:`.numbers_in_parts`.
 
     Attributes:
-        state: Where the bodies are; at first on a Hilbert curve (see :mod:`.initial_placement`).
-        field: The forces; see :class:`.forces.Forces`.
+        state: The current state. At first bodies lie along a Hilbert curve (see :mod:`.initial_placement`), unless ``pose`` is given.
+        field: The field that the forces come from; see :class:`.forces.Forces`.
         step_length: Inverse of the energy's curvature at every node of the field's mesh, flat, one group after the other.
         step_limit: How far a body may move in a step, at every node.
-        contact: What keeps footprints apart, or None.
-        at_once: Dots that are moved at once, see :mod:`.kernels_dots`.
-        step: A whole step, recorded.
+        contact: Keeps footprints apart; None if nothing is to be kept apart.
+        at_once: Number of dots that one element of a kernel moves, see :mod:`.kernels_dots`.
+        step: The recording of a whole step.
     """
 
     def __init__(

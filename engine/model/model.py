@@ -1,6 +1,6 @@
-"""What a problem compiles to, once, before anything is placed: flat tables of its bodies and charges, and their groups.
+"""The compiled problem: flat tables of bodies, charges and groups, made once before anything is placed.
 
-Everything that runs over bodies reads these tables; only here are classes and sizes gone through.
+All code that runs over bodies reads these tables. Only this module loops over classes and sizes to make them.
 """
 
 from __future__ import annotations
@@ -53,7 +53,13 @@ NEARLY = 1.15
 
 @dataclass(frozen=True, eq=False)
 class LineKind:
-    """A size whose bodies are lines: its class, its name and what they are to do."""
+    """A kind of line: one size whose bodies are lines.
+
+    Attributes:
+        body_class: The class of that size.
+        size_name: Name of the size within the class.
+        line: Preferred direction and length, number of charges, and other settings of these lines.
+    """
 
     body_class: PreparedClass
     size_name: str
@@ -62,19 +68,19 @@ class LineKind:
 
 @dataclass(frozen=True, eq=False)
 class BodyTable:
-    """All bodies in class, then size order; every array has shape ``[n]`` and dtype int32, unless said otherwise.
+    """All bodies, one row for each, in class, then size order. Arrays have shape ``[n]`` and dtype int32, unless said otherwise.
 
     Attributes:
-        class_index: Its class.
-        size_index: Its size among those of its class.
-        group: Its group; see :mod:`~esh.engine.problem.interaction`.
-        kind: Its kind of line, -1 for a dot.
+        class_index: Index of the body's class.
+        size_index: Index of its size within the class.
+        group: Index of its group; see :mod:`~esh.engine.problem.interaction`.
+        kind: Index of its kind of line, -1 for a dot.
         area: Its footprint [m²], float64.
-        longest: Longest axis that is asked of it [m], float64; 0 for a dot.
+        longest: Longest axis that it may be asked to have [m], float64; 0 for a dot.
         flags: See :class:`~.body_flags.BodyFlags`.
-        identities: What is random about it follows from this number, see :meth:`~.problem.Problem.body_ids`; maybe on the device, or a
-            range that begins with 0.
-        support: Which of the model's supports says where it may be.
+        identities: Its identity, which seeds all that is random about it, see :meth:`~.problem.Problem.body_ids`. A NumPy array, an
+            array on the device, or a range that begins with 0.
+        support: Index of the model's support that says where it may be.
     """
 
     class_index: np.ndarray
@@ -89,21 +95,21 @@ class BodyTable:
 
     @cached_property
     def identity(self) -> np.ndarray:
-        """The identities, for whoever asks: after an edit in the plane they are on the device."""
+        """The identities as a NumPy array, copied from the device if they are there, as after an edit in the plane."""
         given = self.identities
         if isinstance(given, range):
             return np.arange(len(given), dtype=np.int32)
         return given if isinstance(given, np.ndarray) else given.numpy()
 
     def identities_on(self, launcher: Launcher) -> wp.array:
-        """The identities for kernels."""
+        """The identities as an array on the device."""
         given = self.identities
         if isinstance(given, range):
             return numbers_up_to(launcher, len(given))
         return launcher.array(given, wp.int32) if isinstance(given, np.ndarray) else given
 
     def group_on(self, launcher: Launcher) -> wp.array:
-        """The groups for kernels, of which none may change them."""
+        """The groups as an array on the device, which is shared: kernels may only read it."""
         if launcher not in self._groups_on:
             self._groups_on[launcher] = launcher.array(self.group, wp.int32)
         return self._groups_on[launcher]
@@ -114,7 +120,7 @@ class BodyTable:
 
     @cached_property
     def flagged(self) -> bool:
-        """Whether anything is special about any body."""
+        """Whether any body has a flag."""
         return bool(distinct(self.flags).any())
 
     @property
@@ -127,11 +133,11 @@ class Model:
     """A compiled problem.
 
     Args:
-        problem: What is to be placed.
-        flags: :class:`~.body_flags.BodyFlags` of every body, shape ``[body_count]``; None where nothing is special about any.
-        unit: Meters per unit of length; None for that in which charges have a mean number density of 1. On a surface it is taken only
-            where it is nearly what it would be without.
-        groups: Groups of the bodies, where they are some of a larger problem's; None for those of this one.
+        problem: The problem to compile.
+        flags: :class:`~.body_flags.BodyFlags` of every body, shape ``[body_count]``; None if no body has any.
+        unit: Meters per unit of length. None chooses the unit in which charges have a mean number density of 1. On a surface a given
+            unit is used only if it differs from that one by no more than the factor ``NEARLY``.
+        groups: Groups of the bodies, if these are a part of a larger problem; None groups the bodies of this problem.
 
     Attributes:
         problem: The problem.

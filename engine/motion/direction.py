@@ -1,4 +1,4 @@
-"""In which direction all bodies move: what every one of them adds to the sums, and what follows from these."""
+"""The direction of a descent step: memoryless BFGS, from sums over all bodies."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .surface_line_rules import SurfaceLineRules
 
 __all__ = ["ANY_STRETCH", "Direction"]
 
-# No bound: how many times longer than the moves that the forces ask for no step ever is.
+# Stands for no bound on the length of a step, relative to the moves that the forces ask for.
 ANY_STRETCH = 1e30
 
 
@@ -21,13 +21,13 @@ class Direction:
     """The direction of a descent, in the plane or on a surface.
 
     Args:
-        launcher: Where it is found.
+        launcher: Runs the kernels.
         body_count: Number of bodies.
-        rules: What lines are to do.
-        most_stretch: How many times a step may be as long as the moves that the forces ask for.
+        rules: Rules for the lines among them.
+        most_stretch: Largest length of a step, relative to the moves that the forces ask for.
 
     Attributes:
-        sums: What bodies add to, see :mod:`.kernels_direction`.
+        sums: The sums that bodies add to, see :mod:`.kernels_direction`.
         factors: What :func:`.kernels_direction.decide_direction` writes, shape ``[4]``.
     """
 
@@ -43,7 +43,7 @@ class Direction:
         on_gpu = launcher.device.is_cuda
         slots = kernels_direction.SLOTS_ON_GPU if on_gpu else kernels_direction.SLOTS_ON_CPU
         count = kernels_direction.LENGTHS + rules.kind_count
-        # Those of no two threads in a line of the cache.
+        # No two threads write to one cache line.
         room = count if on_gpu else count + kernels_direction.SUMS_APART
         self.sums = launcher.zeros((launcher.thread_count, room, slots), wp.int64)
         self._totals = launcher.zeros(count, wp.int64)
@@ -51,7 +51,7 @@ class Direction:
         self.factors = launcher.zeros(4, float)
 
     def decide(self, length_factor: wp.array) -> None:
-        """Launch what decides, once all bodies have added to the sums; lengths of kinds of lines follow."""
+        """Launch the kernel that computes the direction, after all bodies have added to the sums; it also adapts ``length_factor``."""
         slots = self.sums.shape[2]
         at_once = min(kernels_direction.SLOTS_AT_ONCE, slots)
         elements = len(self._totals) * slots // at_once

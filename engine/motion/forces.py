@@ -21,22 +21,23 @@ __all__ = ["SMALLEST_DENSITY", "Forces"]
 # Curvature and spacing are taken where the density is at least this share of its mean, so that steps stay finite. Measured on a
 # density that falls to a thousandth: 2e-4 and 2e-2 change coverage errors by 0.2 %.
 SMALLEST_DENSITY = 2e-3
-# What is blurred lets long bodies slip through each other where they are crowded, and contact cannot disentangle them again: of 24
-# crowds of sticks and discs, 7 kept overlaps with the usual blur, 3 with half of it, none as all but points.
+# Width of the blur, over the spacing, in crowds of long bodies. Blurred charges let these slip through each other, and contact cannot
+# disentangle them again: of 24 crowds of sticks and discs, 7 kept overlaps with the usual blur, 3 with half of it, none with
+# this one, where charges are nearly points.
 BLUR_OF_TANGLING = 0.03
 
 
 class Forces:
-    """What acts on the charges of a model.
+    """The forces on the charges of a model, in the plane.
 
     Args:
-        model: What is to be placed.
-        launcher: Where to run.
+        model: The compiled problem.
+        launcher: Runs the kernels.
         targets: What attracts every group; None for the densities of the problem.
         fewest_nodes: Of the mesh that shows details of the targets; None for as many as it takes to show all.
         blur_over_spacing: Width of the blur between two charges over their spacing; None for the one that places them.
         smooth: Whether nothing keeps close pairs apart; see :class:`~esh.engine.field.field.Field`.
-        whole_charge: What charges were before they faded, see there; None where none did.
+        whole_charge: Charges before fading (see ``engine/tiles/fading.py``), shape ``[charge_count]``; None if none faded.
 
     Attributes:
         field: The field; that of a mirrored domain is one of twice its extent, unless all bodies are far from its edges.
