@@ -20,7 +20,15 @@ def _psnr(coverage_error: float) -> float | None:
 
 @dataclass(frozen=True)
 class SizeReport:
-    """Counts of one size of one class: ``asked`` and ``placed`` are of all its bodies, ``fixed`` of those that were there before."""
+    """Counts of one size of one class.
+
+    Attributes:
+        name: Name of the size.
+        area: Mean footprint that was asked for [m²].
+        asked: Number of bodies asked for, fixed ones included.
+        placed: Number of bodies placed, fixed ones included.
+        fixed: Number of bodies that were fixed before the run.
+    """
 
     name: str
     area: float
@@ -31,11 +39,15 @@ class SizeReport:
 
 @dataclass(frozen=True)
 class ClassReport:
-    """One class: its counts and how well it follows its density.
+    """Counts of one class, and how well it follows its density.
 
-    ``coverage_error`` is :func:`~esh.engine.quality.coverage.coverage_error` at k = 1 of the class alone, and ``smallest_spacing`` the
-    smallest distance between two of its bodies, over the hexagonal spacing of the class alone; None with fewer than two, and on
-    surfaces. ``order`` is that of its bodies alone, see :attr:`Report.order`.
+    Attributes:
+        name: Name of the class.
+        coverage_error: :func:`~esh.engine.quality.coverage.coverage_error` of the class alone, at k = 1.
+        sizes: One entry for each size.
+        smallest_spacing: Smallest distance between two of its bodies, over the hexagonal spacing of the class alone. None with fewer
+            than two bodies, and on surfaces.
+        order: Mean sixfold order of its bodies alone, see :attr:`Report.order`.
     """
 
     name: str

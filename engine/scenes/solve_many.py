@@ -53,23 +53,24 @@ def solve_many(
 ) -> list[Placement]:
     """Place the bodies of many problems: the same placements as of :func:`~esh.solve`, in less time.
 
-    There is one process for each processor, which solves one problem after the other with one thread: threads that share a small
-    problem wait for each other, processes do not. On a GPU they share it, as many as it has the memory for, and several GPUs are all
-    used: most of a small problem's time is spent beside it. Processes stay for half a minute, so that the next call finds them warm.
+    There is one process for each processor. Each solves one problem after the other with one thread, because threads that share a
+    small problem wait for each other, and processes do not. A GPU is shared by as many processes as fit into its memory, because most
+    of a small problem's time is spent outside the GPU. Several GPUs are all used. Processes stay alive for half a minute, so that the
+    next call finds them warm.
 
     Args:
         problems: What to place where.
-        device: ``"auto"``, ``"cpu"`` or ``"cuda:0"``. ``"auto"`` takes the processors for many small problems, even where there is a
-            GPU: they are done sooner there.
+        device: ``"auto"``, ``"cpu"`` or ``"cuda:0"``. For many small problems ``"auto"`` chooses the CPU even if there is a GPU, as
+            they are solved sooner there.
         max_steps: Steps of the relaxation at most, >= 1.
-        workers: Processes; 0 solves in this one. None chooses.
-        progress: Called after every problem with the number of those that are done, and of all.
+        workers: Number of processes. 0 solves in the calling process; None chooses a number.
+        progress: Called after every problem with the number of problems that are done, and the number of all.
 
     Returns:
-        A placement for each problem, in their order.
+        A placement for each problem, in the order of ``problems``.
 
     Raises:
-        ProblemError: A problem that cannot be solved; its number (from 0) is said. The others are not finished.
+        ProblemError: A problem cannot be solved. The message has its number, counted from 0; problems that are left are not solved.
         DeviceError: An unknown device, or CUDA asked for and absent.
     """
     check_progress(progress)

@@ -11,13 +11,13 @@ __all__ = ["Instances", "body_rotations", "rotate"]
 
 @dataclass(frozen=True, eq=False)
 class Instances:
-    """Every object that a scatter places, in the placement's order; what an exporter needs.
+    """Transforms of all objects that a scatter places, in the placement's order, as an exporter needs them.
 
     Attributes:
-        position: Where the origin of each object goes in the world [m], shape ``[n, 3]``, float32.
-        rotation: How it is turned after the rotation that it has itself: unit quaternions (w, x, y, z), shape ``[n, 4]``, float32.
-        scale: Factor of its size, the same along all axes, shape ``[n]``, float32.
-        source: Index of the object that it is a copy of, see :class:`~esh.ScatterResult`, shape ``[n]``, int32.
+        position: Origin of each object in the world [m], shape ``[n, 3]``, float32.
+        rotation: Unit quaternions (w, x, y, z), applied after the source object's own rotation, shape ``[n, 4]``, float32.
+        scale: Uniform scale factor, shape ``[n]``, float32.
+        source: Index of the object that each is a copy of, see :class:`~esh.ScatterResult`, shape ``[n]``, int32.
     """
 
     position: np.ndarray

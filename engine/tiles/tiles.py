@@ -71,20 +71,20 @@ GPU_BODY = 2000.0
 
 @dataclass(frozen=True)
 class TileState:
-    """How far a run is.
+    """How far a run in tiles has come.
 
     Attributes:
-        stage: Which stage it is in, from 1.
-        stages: How many there are.
-        name: Of the stage.
-        done: Parts of the stage that are there.
-        parts: How many it has.
-        bodies: Bodies of the whole problem.
-        tiles: Columns and rows of tiles.
-        finished: Whether all is done.
-        workers: Processes at work; 0 where this one does everything.
-        seconds: What processes have spent so far, added up, by what they did; ``"between"`` is what they all waited for: what only
-            the whole domain knows.
+        stage: Number of the current stage, from 1.
+        stages: Number of stages.
+        name: Name of the current stage.
+        done: Number of parts of this stage that are finished.
+        parts: Number of parts of this stage.
+        bodies: Number of bodies of the whole problem.
+        tiles: Numbers of columns and rows of tiles.
+        finished: Whether the whole run is finished.
+        workers: Number of processes; 0 if the calling process does all the work.
+        seconds: Seconds that all processes have spent so far, added up, by kind of work. ``"between"`` is work on the whole domain
+            between two stages, which all processes wait for.
     """
 
     stage: int
@@ -120,19 +120,19 @@ def solve_tiles(
 
     Args:
         problem: A recipe, whose densities are read by window where they are ``.npy`` or GeoTIFF files; or a problem.
-        folder: Where a file for each tile goes, and ``index.json``, which lists them; empty, or of the same run.
+        folder: Gets a file for each tile, and ``index.json``, which lists them. It is empty, or holds the same run, which continues.
         tile: Length of a tile [m]; None chooses one from the densities and the rarest group.
-        seed: Instead of the recipe's.
-        steps: Of the descent in each of the three passes.
-        ending: ``".parquet"`` (GeoParquet) or ``".npz"``.
+        seed: Seed used instead of the recipe's.
+        steps: Steps of the descent in each of the three passes.
+        ending: Format of the tiles: ``".parquet"`` (GeoParquet) or ``".npz"``.
         device: ``"auto"``, ``"cpu"`` or ``"cuda:0"``.
         workers: Processes, of one thread each, which share a GPU; 0 solves in this one, with all threads. None chooses.
         ray: Address of a Ray cluster to solve on, whose machines all see recipe and folder; None solves on this machine.
-        gpus: GPUs that a window asks of Ray.
-        progress: Called at the beginning, and after every part.
+        gpus: Number of GPUs that each window requests from Ray.
+        progress: Called with a :class:`TileState` at the beginning, and after every part.
 
     Returns:
-        What was done.
+        The state at the end of the run.
 
     Raises:
         EshError: A recipe, a value or a folder that cannot be used, or a part that failed.
