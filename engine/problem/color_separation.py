@@ -29,11 +29,11 @@ __all__ = ["MODELS", "Ink", "InkModel", "halftone_problem", "ink_colors", "separ
 
 @dataclass(frozen=True)
 class Ink:
-    """An ink.
+    """An ink of an :class:`InkModel`.
 
     Args:
         name: Unique within its model.
-        cmy: Whether it holds cyan, magenta and yellow: three numbers, each 0 or 1, not all 0.
+        cmy: Whether the ink contains cyan, magenta and yellow: three numbers, each 0 or 1, not all 0. Red is (0, 1, 1).
     """
 
     name: str
@@ -155,20 +155,20 @@ def halftone_problem(
 ) -> Problem:
     """Return the problem of halftoning an image with dots: one class per ink that the image needs.
 
-    Every ink gets as many dots as it takes for them to add up to its channel. Inks that have less than half a dot to print are
-    left out; so are, for one ink, the sizes of which it is too little to print one.
+    Every ink gets as many dots as add up to its channel. Inks whose channel adds up to less than half a dot are left out. Sizes of an
+    ink are left out if its channel is too light for one dot of that size.
 
     Args:
         image: See :func:`separate`.
         model: See there.
         area: Area of a dot [m²].
         sizes: Sizes with shares, used instead of ``area``.
-        domain: Where; None makes a pixel of the image a square meter.
-        class_separation: The alpha of Schmaltz, Gwosdek and Weickert 2012.
-        size_emphasis: Its C.
-        rare_emphasis: How much more evenly inks of few dots are spread among themselves; 0 is the paper's.
-        density_correction: Of every channel (section 3 of that paper).
-        seed: Of the problem.
+        domain: The rectangle that the image covers; None makes every pixel one square meter.
+        class_separation: See :class:`~esh.Balance`; the alpha of Schmaltz, Gwosdek and Weickert 2012.
+        size_emphasis: See :class:`~esh.Balance`; the C of that paper.
+        rare_emphasis: How much more evenly inks of few dots are spread among themselves; the paper has 0.
+        density_correction: Whether every channel gets the gray-value correction of section 3 of that paper.
+        seed: Seed of the problem.
 
     Raises:
         ProblemError: As :func:`separate`, an image without any ink, or one too small for the dots.

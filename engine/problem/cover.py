@@ -36,13 +36,13 @@ ABOUT = 1.01
 
 @dataclass(frozen=True)
 class Cover:
-    """What footprints take of the ground where bodies may be (density above zero).
+    """How much of the ground footprints cover. Ground is where bodies may be, that is, where a density is above zero.
 
     Attributes:
-        covered: Sum of the footprints, with the room that they keep, over that ground.
-        fits: Share of the ground that can be taken without overlap, about: it depends on how long bodies are, and
-            whether they turn or are parallel.
-        crowded: Share of the bodies that are asked for where more is asked for than fits, 0 where nothing is.
+        covered: Sum of the footprints, with the room that they keep, over the area of the ground.
+        fits: Share of the ground that can be covered without overlap, as an estimate. It depends on how long bodies are, and on
+            whether they may turn or are parallel.
+        crowded: Share of the bodies that are asked for at places where more is asked for than fits; 0 if there are none.
     """
 
     covered: float
@@ -51,12 +51,12 @@ class Cover:
 
     @property
     def too_much(self) -> bool:
-        """Whether it cannot fit."""
+        """Whether the footprints cannot fit without overlap."""
         return self.covered > ABOUT * self.fits
 
     @property
     def warning(self) -> Note | None:
-        """A sentence where it cannot fit, or not everywhere; None where it may."""
+        """A sentence if the footprints cannot fit, or do not fit everywhere; None if they may fit."""
         if self.too_much:
             return Note(
                 f"the footprints cover {self.covered:.0%} of where they may be: at most about {self.fits:.0%} fits; "

@@ -87,15 +87,15 @@ class Problem(ProblemSettings):
     """Everything that :func:`~esh.engine.solve.solve` needs to know.
 
     Args:
-        domain: Where: a rectangle, or a :class:`~.surface.Surface`.
-        classes: What; at least one :class:`BodyClass`. Kept as :class:`PreparedClass`: with the density that bodies follow, and
-            with a whole count for every size.
-        balance: How the aims are weighed.
-        fixed: Bodies that are there already: they take part in everything, and do not move. The rest of their class makes room:
-            where they already are what the density asks for, no more are placed. Kept as a :class:`FixedTable`, in class, then
-            size order. A size may have a ``count`` of 0 if there are such bodies of it.
-        obstacles: What bodies keep away from. Counts do not change; there is only less ground for them.
-        changes: Any of the following, by name.
+        domain: Where bodies are placed: a rectangle, or a :class:`~.surface.Surface`.
+        classes: The classes to place, at least one :class:`BodyClass`. They are kept as :class:`PreparedClass`, with the density that
+            bodies follow, and a whole count for every size.
+        balance: Weights of the aims against each other.
+        fixed: Bodies that are there already. They act on all others, are part of the placement, and do not move. Where there are
+            already as many as the density asks for, no more bodies of their class are placed. They are kept as a
+            :class:`FixedTable`, in class, then size order. A size with fixed bodies may have a ``count`` of 0.
+        obstacles: Shapes that bodies stay out of. They do not change counts, only the ground that is left.
+        changes: Any of the following settings, by name.
 
     Raises:
         ProblemError: No class, two classes of one name, a seed that is not a whole number >= 0, a balance made for another
