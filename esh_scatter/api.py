@@ -87,25 +87,26 @@ def scatter(
     """Place objects on a mesh, all classes and sizes at once.
 
     Args:
-        target: Mesh object of the current view layer, several of them, or a collection of them, used with their modifiers and as
-            they stand in the world. Several are one surface where they touch. Seen from above, the topmost surface counts.
-        classes: What to place, how many, following which densities.
-        settings: How; None has all of the following settings at their defaults.
-        name: Of the result object. A result that this name left on this target in this scene is replaced.
-        result: Result to replace instead; None looks for one as said above, and makes a new object if there is none.
-        obstacles: What objects keep off: objects, collections, results of other scatters, or a
+        target: A mesh object of the current view layer, several of them, or a collection of them. They are read with their modifiers
+            and their transforms in the world. Meshes that touch form one surface. Seen from above, the topmost surface counts.
+        classes: The classes to place, with their objects, counts and densities.
+        settings: Settings of the run; None has all of the following settings at their defaults.
+        name: Name of the result object. A result that a run of this name made on this target in this scene is replaced.
+        result: Result to replace instead. None looks for one by ``name``, and makes a new object if there is none.
+        obstacles: Obstacles that objects stay out of: objects, collections, results of other scatters, or a
             :class:`~esh.ScatterObstacle` of these, which gives curves a width and keeps a margin free.
-        pinned: Whether objects of the replaced result stay where they are that were pinned, or moved by hand; they count. Or, by
-            class of that result, the index of the class that it is now, or None. What is not on ``target``, where that is another
-            one now, does not stay, and the report says so.
-        progress: Called after every step; returning False stops the run, and what is there is written.
-        changes: Any of the following, by name, in place of that in ``settings``.
+        pinned: Whether those objects of the replaced result stay in place that were pinned, or moved by hand. They are part of the
+            counts. A sequence instead has, for each class of that result, the index of the class that it is now, or None. If
+            ``target`` is another one now, objects that are not on it do not stay, and the report says so.
+        progress: Called after every step with a :class:`Progress`. Returning False stops the run, and the placement reached so far is
+            written.
+        changes: Any of the following settings, by name. They replace those in ``settings``.
 
     Returns:
-        The result object, the report, the placement, and where the objects stand.
+        The result object, the report, the placement, and the transforms of all objects.
 
     Raises:
-        EshError: One sentence that says what is wrong; nothing was changed.
+        EshError: The message is one sentence that says what is wrong. Nothing in the file was changed.
     """
     check_progress(progress)
     job = ScatterJob(target, classes, settings, name=name, result=result, obstacles=obstacles, pinned=pinned, **changes)

@@ -50,15 +50,15 @@ PALETTE = (
 
 @dataclass(frozen=True, eq=False)
 class Prototype:
-    """What stands where a body is.
+    """An object that bodies are instances of.
 
     Attributes:
         name: Unique among the prototypes.
-        outline: Its footprint around the origin [m], counter-clockwise, shape ``[corners, 2]``: a prism of it stands in where
-            there is no asset.
-        height: Of the prism [m].
-        color: Of the prism, red, green and blue, 0..1.
-        assets: Files that hold the object, for formats that can refer to one or take it in; a format takes the first of its own.
+        outline: Its footprint around the origin [m], counter-clockwise, shape ``[corners, 2]``. Without an asset, a prism with this
+            outline stands in for the object.
+        height: Height of the prism [m].
+        color: Color of the prism, red, green and blue, 0..1.
+        assets: Files that hold the object, for formats that can refer to one or embed it. A format uses the first file that it can.
     """
 
     name: str
@@ -68,10 +68,14 @@ class Prototype:
     assets: tuple[Path, ...] = ()
 
     def asset(self, endings: tuple[str, ...], what: str) -> Path | None:
-        """Return the asset that has one of these endings; None if there are no assets at all.
+        """Return the first asset with one of these endings; None if there are no assets at all.
+
+        Args:
+            endings: Endings that the format can use.
+            what: What is being written, for the message of the error.
 
         Raises:
-            EshError: There are assets, but none of them has; ``what`` is what cannot be written. Or it does not exist.
+            EshError: There are assets, but none has one of these endings, or the file does not exist.
         """
         fitting = [path for path in self.assets if path.suffix.lower() in endings]
         if self.assets and not fitting:
@@ -88,12 +92,12 @@ class Bodies:
     """Bodies in space, z up, as files exchange them.
 
     Attributes:
-        position: [m], shape ``[n, 3]``, float64.
+        position: Positions [m], shape ``[n, 3]``, float64.
         rotation: Unit quaternions (w, x, y, z), shape ``[n, 4]``, float32.
         scale: Factors along the prototype's axes, shape ``[n, 3]``, float32.
         prototype_index: Index into ``prototypes``, shape ``[n]``, int32.
-        prototypes: What stands where a body is.
-        id: Numbers that stay with the bodies, shape ``[n]``, int64.
+        prototypes: The objects that bodies are instances of.
+        id: Identities, which stay with the bodies through edits, shape ``[n]``, int64.
         class_index: Index into ``class_name``, shape ``[n]``, int32.
         size_index: Index into the class's ``size_name``, shape ``[n]``, int32.
         class_name: Names of the classes.
@@ -102,8 +106,8 @@ class Bodies:
         width: Thickness of a line body [m], shape ``[n]``, float64; 0 for dots.
         area: Footprint [m²], shape ``[n]``, float64; NaN where a file does not say.
         fixed: Whether a body was fixed, shape ``[n]``, bool.
-        variant: Which of the outlines of its size a body has, shape ``[n]``, int32; 0 where there are none.
-        factor: On that outline, shape ``[n]``, float64; 1 where there is none, NaN where a file does not say.
+        variant: Index of the body's outline among those of its size, shape ``[n]``, int32; 0 where there are none.
+        factor: Scale factor on that outline, shape ``[n]``, float64; 1 where there is none, NaN where a file does not say.
         named: Whether the names of classes and sizes are known; where a file does not say, numbers take their place.
     """
 
