@@ -84,9 +84,10 @@ def _has_name_of_source(body_class: PropertyGroup, scatter: PropertyGroup) -> bo
         return True
     name = source.name.strip() or body_class.KIND
     stem, _, number = body_class.name.rpartition(" ")
-    # It is numbered for a class that may be gone by now.
-    numbered = stem == name and number.isdecimal()
-    return numbered or body_class.name == unused_name(name, {one.name for one in scatter.classes if one != body_class})
+    # Most have that name, and every drawing of the sidebar asks. It is numbered for a class that may be gone by now.
+    if body_class.name == name or (stem == name and number.isdecimal()):
+        return True
+    return body_class.name == unused_name(name, {one.name for one in scatter.classes if one != body_class})
 
 
 def follow_names(scatter: PropertyGroup) -> None:
