@@ -3,6 +3,7 @@
     python benchmarks/borders.py
     python benchmarks/borders.py --boundaries open natural mirror --seeds 8
 
+It needs ``pip install '.[test]'``.
 The peak is the largest number of bodies at any distance from the border, in tenths of a spacing up to two spacings, over the number
 that an even placement has there. Borders are those of the domain and of the density. All numbers are means over the seeds, but the
 peak is that of all seeds together.

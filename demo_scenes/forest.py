@@ -256,7 +256,7 @@ def test_final(
 
 
 def _check_spacing(place: np.ndarray, radius: np.ndarray, trunk: np.ndarray) -> dict[str, float]:
-    """No trunk stands in another's, none deep in another's crown, and crowns seldom meet."""
+    """No trunk stands in another's, none deep in another's crown, and crowns seldom reach far into each other."""
     deepest, meeting = np.inf, 0
     for i in range(len(place) - 1):
         distance = np.hypot(*(place[i + 1 :] - place[i]).T)
@@ -266,7 +266,7 @@ def _check_spacing(place: np.ndarray, radius: np.ndarray, trunk: np.ndarray) -> 
         meeting += int((share < 0.85).sum())
     assert deepest > 0.4, f"a tree stands in another: {deepest:.2f} of the sum of their crowns' radii apart"
     assert meeting < 0.05 * len(place), f"{meeting} pairs of crowns are in one another"
-    return {"closest_crowns_over_touching_ones": deepest, "pairs_of_crowns_that_meet": float(meeting)}
+    return {"closest_crowns_over_touching_ones": deepest, "pairs_of_crowns_deep_in_each_other": float(meeting)}
 
 
 def _check_texture(
