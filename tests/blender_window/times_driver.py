@@ -5,6 +5,7 @@ most of it, and all processors that it takes the solver lacks. So 100,000 are sc
 """
 
 import time
+from functools import wraps
 from itertools import pairwise
 
 import bpy
@@ -50,39 +51,32 @@ def _spent(name, start):
         watch.own[name] = max(watch.own.get(name, 0.0), time.thread_time() - start)
 
 
+def _timed(method, name):
+    @wraps(method)
+    def timed(self, *arguments):
+        start = time.thread_time()
+        found = method(self, *arguments)
+        _spent(name, start)
+        return found
+
+    return timed
+
+
 def watch_operators():
     """Have the operator say how long the window waits for it."""
-    run = steps.ours("operators.run_operator")
-    invoke, modal, write, finish = (getattr(run.RunOperator, name) for name in ("invoke", "modal", "_write", "_finish"))
+    operator = steps.ours("operators.run_operator").RunOperator
+    invoke, modal = _timed(operator.invoke, "invoke"), _timed(operator.modal, "modal")
 
-    # Blender asks functions how many arguments they take.
+    # Blender looks how many arguments these two are written with.
     def timed_invoke(self, context, event):
         watch.invoked = time.perf_counter(), time.process_time()
-        start = time.thread_time()
-        found = invoke(self, context, event)
-        _spent("invoke", start)
-        return found
+        return invoke(self, context, event)
 
     def timed_modal(self, context, event):
-        start = time.thread_time()
-        found = modal(self, context, event)
-        _spent("modal", start)
-        return found
+        return modal(self, context, event)
 
-    def timed_write(self, context):
-        start = time.thread_time()
-        found = write(self, context)
-        _spent("write", start)
-        return found
-
-    def timed_finish(self, settings, result):
-        start = time.thread_time()
-        found = finish(self, settings, result)
-        _spent("finish", start)
-        return found
-
-    run.RunOperator.invoke, run.RunOperator.modal = timed_invoke, timed_modal
-    run.RunOperator._write, run.RunOperator._finish = timed_write, timed_finish
+    operator.invoke, operator.modal = timed_invoke, timed_modal
+    operator._write, operator._finish = _timed(operator._write, "write"), _timed(operator._finish, "finish")
 
 
 def fill_in(name):
