@@ -18,10 +18,13 @@ from ..contact.contact import Contact, keeps_apart
 from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBORS, Launcher
 from ..device.marked import numbers_up_to
 from ..field.field import FieldTarget
+from ..field.target_feedback import feedback_width
+from ..model.body_flags import BodyFlags
 from ..model.looking import facing_turns
 from ..model.model import Model
 from ..model.numbers_in_parts import with_whole_numbers
 from ..model.state import State
+from ..model.state_arrays import StateArrays
 from ..motion import kernels_descent, kernels_direction, kernels_dots, kernels_lines
 from ..motion.direction import ANY_STRETCH, Direction
 from ..motion.forces import SMALLEST_DENSITY, Forces
@@ -107,6 +110,7 @@ class Descent:
             smooth=smooth is not None,
         )
         self.field = self._forces.field
+        self._target_factor = self._prepare_feedback()
         self._prepare_step_limits()
         held = model.problem.rectangle.natural and smooth is None
         self.step_length = self._forces.step_lengths(launcher, self._shares_of_forces(stirred) if held else None)
@@ -138,6 +142,40 @@ class Descent:
             self.contact = Contact(model, launcher, self.bodies, self.images)
         self.place_charges()
         self.step = launcher.record(self.take_step)
+
+    @property
+    def corrects_targets(self) -> bool:
+        """Whether targets can be corrected by how dense bodies stand: there are enough of every group."""
+        return self.field.feedback is not None
+
+    def correct_targets(self) -> None:
+        """Correct the targets by how dense bodies stand; see :mod:`~esh.engine.field.target_feedback`."""
+        with self.launcher.phase("targets"):
+            self._forces.correct_targets(self.charge_position)
+
+    def take_over_targets(self, before: Descent) -> None:
+        """Begin with targets corrected as those of a descent were that this one goes on from."""
+        if self.field.feedback is not None and before.field.feedback is not None:
+            self.field.feedback.take_over(before.field.feedback)
+
+    def continue_from(self, state: StateArrays) -> None:
+        """Go on from another state of the same problem; its values are copied."""
+        own: StateArrays = self.state
+        own.assign(state)
+        if self.field.feedback is not None:
+            self.field.feedback.apply()
+        self.place_charges()
+
+    def _prepare_feedback(self) -> wp.array:
+        """See :attr:`.State.target_factor`. Where bodies are pinned, it is not the others that have to make up for how they stand."""
+        fewest = 0
+        if not (self.model.body.flags & BodyFlags.PINNED).any():
+            counts = np.bincount(self.model.body.group)
+            fewest = int(counts[counts > 0].min(initial=self.model.body_count))
+        width = feedback_width(fewest, self.around[1])
+        if width > 0.0:
+            self.field.prepare_feedback(width)
+        return self.launcher.zeros(0, float) if self.field.feedback is None else self.field.feedback.factor
 
     def separate(self, go_on: Callable[[], bool] | None = None, *, again: bool = False) -> bool:
         """Part all outlines, where the space can hold them; returns whether none overlap any more; see :meth:`.Contact.separate`."""
@@ -211,6 +249,7 @@ class Descent:
             displacement=launcher.zeros(n, wp.vec4),
             move=launcher.zeros(n, wp.vec4),
             length_factor=self.rules.lines.length_factor,
+            target_factor=self._target_factor,
             steps=np.zeros(1, np.int32),
             unit=np.array([model.unit]),
         )

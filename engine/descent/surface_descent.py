@@ -26,6 +26,7 @@ from ..heat.heat_mesh import HeatMeshes
 from ..model.beside_fixed_on_surface import left_by_fixed
 from ..model.cut_by_detail import cut_by_detail
 from ..model.model import Model
+from ..model.state_arrays import StateArrays
 from ..model.surface_correlation import correlation_potential
 from ..model.surface_places import (
     balls_of,
@@ -307,6 +308,12 @@ class SurfaceDescent:
             elsewhere = missed.numpy() * model.unit > MOST_MISSED * model.widths(length)
             charges[elsewhere[model.charge.body]] = np.nan
         return charges
+
+    def continue_from(self, state: StateArrays) -> None:
+        """Go on from another state of the same problem; its values are copied."""
+        own: StateArrays = self.state
+        own.assign(state)
+        self.place_charges()
 
     def place_charges(self) -> None:
         """Put the charges of all bodies where these are."""

@@ -18,20 +18,24 @@ import warp as wp
 from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBORS, Launcher
 from ..space import kernels_cells
 from ..space.cell_sort import CellSort
+from ..space.mesh_layout import MeshLayout
 from ..space.part import Part
 from ..space.space import Space
 from ..space.target_deposit import deposit_images, mix_images
-from . import blur, kernels_field, kernels_gather, kernels_near, kernels_splines
+from . import blur, kernels_feedback, kernels_field, kernels_gather, kernels_near, kernels_splines
 from .blur import LEAST_OF_SMALL, SHARPER_BETWEEN, USUAL_REGULARITY
 from .field_meshes import FEWEST_NODES, charge_mesh, cutoff_of
 from .influence import convolution_of, far_influence
 from .near_tiles import every_other, lots_of
 from .target_correction import TargetCorrection
+from .target_feedback import TargetFeedback
 
 __all__ = ["Field", "FieldTarget"]
 
 # Bands of cells that CPU threads deposit the charges of, for every thread: enough that a crowded one keeps no thread waiting.
 BANDS_PER_THREAD = 8
+# Nodes that a band is high, at least: splines reach four.
+NODES_OF_BAND = 6
 # Threads of a GPU that run at once, about, and how many of them share the neighbors of a charge at most.
 THREADS_OF_GPU = 1 << 18
 MOST_THREADS_OF_CHARGE = 4
@@ -92,6 +96,7 @@ class Field:
         deposited: Share of every image's integral at every node, flat, one image after the other.
         attraction: Sum over h of M[g, h] u_h as charge per node, flat, one group after the other.
         mean_attraction: Its mean as charge per area, shape ``[group_count]``.
+        feedback: Changes it by how dense charges stand; None unless :meth:`prepare_feedback` was called.
     """
 
     def __init__(
@@ -242,6 +247,8 @@ class Field:
         self.deposited = deposit_images(self.launcher, images, self.layout)
         self.attraction = mix_images(self.launcher, self.deposited, attracting, self.node_count)
         self.mean_attraction = attracting.sum(axis=1) / (self.node_count * self.layout.node_area)
+        self._attracting = attracting
+        self.feedback: TargetFeedback | None = None
 
     def evaluate(self, position: wp.array, field: wp.array) -> None:
         """Write the force per unit charge at every charge.
@@ -254,11 +261,37 @@ class Field:
             self._sort(position)
         if not self.launcher.device.is_cuda:
             with self.launcher.phase("deposit"):
-                self._deposit()
+                self._deposit(self.layout, self._node_charge)
         with self.launcher.phase("FFT"):
             self._solve_far_field()
         with self.launcher.phase("near field, interpolation"):
             self._add_near_and_far(field)
+
+    def prepare_feedback(self, width: float) -> None:
+        """Make ready for targets that are changed by how dense charges stand, blurred over a ``width``."""
+        self.feedback = TargetFeedback(
+            self.launcher,
+            layout=self.layout,
+            images=self.images,
+            attracting=self._attracting,
+            interaction=self._interaction,
+            attraction=self.attraction,
+            width=width,
+        )
+
+    def correct_targets(self, position: wp.array) -> None:
+        """Change the targets by how dense charges stand at ``position``; see :mod:`.target_feedback`."""
+        assert self.feedback is not None
+
+        def deposit(layout: MeshLayout, node_charge: wp.array) -> None:
+            if self.launcher.device.is_cuda:
+                given = [position, self._given, layout.for_kernels()]
+                self.launcher.launch(kernels_feedback.deposit_given, self.charge_count, given, [node_charge])
+                return
+            self._sort(position)
+            self._deposit(layout, node_charge)
+
+        self.feedback.correct(deposit)
 
     def _add_near_and_far(self, field: wp.array) -> None:
         near = [self._sorted, self._blurred, self.cells, self.cutoff]
@@ -302,16 +335,18 @@ class Field:
             grain=GRAIN // at_once,
         )
 
-    def _deposit(self) -> None:
-        # Threads must not write to one node at once. Charges are sorted by rows of cells, and two rows are higher than the
-        # four nodes that a spline reaches: bands of at least two rows never meet once every other one is left out.
-        bands = max(1, min(BANDS_PER_THREAD * self.launcher.thread_count, self.cells.count_y // 2))
+    def _deposit(self, layout: MeshLayout, node_charge: wp.array) -> None:
+        """Add sorted charges to the nodes of a mesh, on a CPU."""
+        # Threads must not write to one node at once. Charges are sorted by rows of cells; two rows of the field's mesh are higher than
+        # the four nodes that a spline reaches: bands that are as high never meet once every other one is left out.
+        highest = int(self.space.size[1] / (NODES_OF_BAND * layout.spacing[1]))
+        bands = max(1, min(BANDS_PER_THREAD * self.launcher.thread_count, self.cells.count_y // 2, highest))
         for first_band, count in every_other(bands, self.space.periodic):
             self.launcher.launch(
                 kernels_splines.deposit_bands,
                 count,
-                [first_band, bands, self.cells, self._sorted, self.mesh],
-                [self._node_charge],
+                [first_band, bands, self.cells, self._sorted, layout.for_kernels()],
+                [node_charge],
                 grain=max(1, GRAIN_OF_NEIGHBORS * bands // self.charge_count),
             )
 

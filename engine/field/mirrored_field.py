@@ -67,11 +67,19 @@ class MirroredField:
 
     def evaluate(self, position: wp.array, field: wp.array) -> None:
         """Write the force per unit charge at every charge; see :meth:`.field.Field.evaluate`."""
+        self._mirror(position)
+        self.field.evaluate(self._position, self._all)
+        self._launcher.launch(kernels_mirror.take_first, self._count, [self._all], [field])
+
+    def correct_targets(self, position: wp.array) -> None:
+        """Change the targets by how dense charges stand; see :meth:`.field.Field.correct_targets`."""
+        self._mirror(position)
+        self.field.correct_targets(self._position)
+
+    def _mirror(self, position: wp.array) -> None:
         self._launcher.launch(
             kernels_mirror.mirror_positions, self._count, [position, self._count, self._size], [self._position]
         )
-        self.field.evaluate(self._position, self._all)
-        self._launcher.launch(kernels_mirror.take_first, self._count, [self._all], [field])
 
 
 def mirror(image: np.ndarray) -> np.ndarray:

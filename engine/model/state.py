@@ -25,6 +25,8 @@ class State(StateArrays):
         move: Change of the poses that the forces asked for in the last step, ``wp.vec4``, shape ``[body_count]``.
         length_factor: Correction of the lengths of lines for the pressure of their charges, float: one for every kind of line, then
             one for every block of lines whose preferred lengths are an image.
+        target_factor: By how much more is asked for than the densities say, as a share, at the nodes of a coarse mesh, one group after
+            the other, float; empty where bodies are too few. See :mod:`~esh.engine.field.target_feedback`.
         steps: Steps taken, shape ``[1]``, int32, on the host.
         unit: Meters per unit of length, shape ``[1]``, on the host.
     """
@@ -35,6 +37,7 @@ class State(StateArrays):
     displacement: wp.array
     move: wp.array
     length_factor: wp.array
+    target_factor: wp.array
     steps: np.ndarray
     unit: np.ndarray
 
@@ -45,4 +48,5 @@ class State(StateArrays):
         "displacement": wp.vec4,
         "move": wp.vec4,
         "length_factor": float,
+        "target_factor": float,
     }

@@ -79,10 +79,14 @@ class Forces:
         if part is None and problem.rectangle.mirrored:
             self.images_of_each = COPIES
             mirrored = MirroredField(launcher, **described)
-            self.evaluate, self.field = mirrored.evaluate, mirrored.field
+            self.evaluate, self.correct_targets, self.field = (
+                mirrored.evaluate,
+                mirrored.correct_targets,
+                mirrored.field,
+            )
         else:
             self.field = Field(launcher, **described, part=part)
-            self.evaluate = self.field.evaluate
+            self.evaluate, self.correct_targets = self.field.evaluate, self.field.correct_targets
 
     def step_lengths(self, launcher: Launcher, share: wp.array | None = None) -> wp.array:
         """Return the inverse of the energy's curvature at every node of the field's mesh, flat, one group after the other.

@@ -62,7 +62,7 @@ OVERFLOW = (
     "nearer to each other"
 )
 CLOSED = "this Solver has given its last placement, or was closed; make another one to go on"
-# Targets on a surface are corrected after these shares of a run's steps, and only in runs of at least so many steps.
+# Targets are corrected after these shares of a run's steps, and only in runs of at least so many steps.
 CORRECTED_AFTER = (0.3, 0.5, 0.7, 0.85, 0.93)
 FEWEST_CORRECTED = 40
 # Steps after an edit, behind those in which bodies settle.
@@ -324,6 +324,7 @@ class Solver:
             descent = Descent(model, self.launcher, pose=edit.pose)
             carried = edit.finish(self._next_identity)
             model.carry(before, carried)
+        descent.take_over_targets(before_edit)
         self._let_go(self.descent)
         self.model, self.descent = model, descent
         descent.place_charges()
@@ -405,9 +406,7 @@ class Solver:
             self._let_go(self.descent)
             self.model = self.model.in_unit(float(state.unit[0]))
             self.descent = (SurfaceDescent if on_surface else Descent)(self.model, self.launcher)
-            own = self.descent.state
-        own.assign(state)
-        self.descent.place_charges()
+        self.descent.continue_from(state)
 
     def start_at(
         self,
@@ -532,7 +531,6 @@ class Solver:
             rests = residual < TOLERANCE and step > 1
             if corrections and (rests or step >= until):
                 del corrections[0]
-                assert isinstance(self.descent, SurfaceDescent)
                 self.descent.correct_targets()
             elif rests:
                 return step, True
@@ -540,8 +538,7 @@ class Solver:
 
     def _corrections(self, max_steps: int) -> list[int]:
         """After which steps of a run the targets are corrected, in their order; sooner where bodies have come to rest."""
-        descent = self.descent
-        if max_steps < FEWEST_CORRECTED or not isinstance(descent, SurfaceDescent) or not descent.corrects_targets:
+        if max_steps < FEWEST_CORRECTED or not self.descent.corrects_targets:
             return []
         return [round(share * max_steps) for share in CORRECTED_AFTER]
 

@@ -81,22 +81,27 @@ def counts_by_density(factor):
 
 
 @pytest.mark.parametrize("factor", [0.2, 3.0])
-def test_a_stroke_is_followed_in_five_steps_and_leaves_the_rest_in_place(settled, factor):
+def test_a_stroke_is_followed_in_five_steps_and_leaves_the_rest_in_place(factor):
     """The count follows the density, as under a brush."""
     density, count = painted(factor), counts_by_density(factor)
-    with solver_at(settled) as solver:
-        before = solver.placement()
-        edit = solver.edit(problem_of(density, count))
-        after = solver.placement()
-        assert edit.steps == 5
-        solver.run(150)
-        converged = error(solver.placement(), density)
-    assert len(after.position) == count
-    # Over eight seeds 1.06 to 1.35 where the stroke is thinned, and 1.01 to 1.06 where it is made denser.
-    assert error(after, density) < (1.45 if factor < 1.0 else 1.15) * converged
-    assert error(before, density) > 5.0 * converged
-    way, at = moved(before, after)
-    assert (way[far(at)] < 0.1).mean() > 0.9
+    unmoved = []
+    for seed in range(1, 5):
+        with Solver(replace(problem_of(), seed=seed), device="cpu") as solver:
+            solver.run(150)
+            before = solver.placement()
+            edit = solver.edit(replace(problem_of(density, count), seed=seed))
+            after = solver.placement()
+            assert edit.steps == 5
+            solver.run(150)
+            converged = error(solver.placement(), density)
+        assert len(after.position) == count
+        # Over eight seeds 1.06 to 1.12 where the stroke is thinned, and 1.03 to 1.06 where it is made denser.
+        assert error(after, density) < (1.25 if factor < 1.0 else 1.15) * converged
+        assert error(before, density) > 5.0 * converged
+        way, at = moved(before, after)
+        unmoved.append((way[far(at)] < 0.1).mean())
+    # From .88 to .97 where the stroke is thinned: defects of the order wander off in some.
+    assert np.mean(unmoved) > 0.9 and min(unmoved) > 0.8
     np.testing.assert_array_equal(np.sort(np.setdiff1d(after.id, before.id)), np.sort(edit.added))
     np.testing.assert_array_equal(np.sort(np.setdiff1d(before.id, after.id)), np.sort(edit.removed))
     changed = abs(count - N)
