@@ -18,7 +18,7 @@ from ..contact.contact import Contact, keeps_apart
 from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBORS, Launcher
 from ..device.marked import numbers_up_to
 from ..field.field import FieldTarget
-from ..field.target_feedback import feedback_width
+from ..field.target_feedback import feedback_widths
 from ..model.body_flags import BodyFlags
 from ..model.looking import facing_turns
 from ..model.model import Model
@@ -168,13 +168,11 @@ class Descent:
 
     def _prepare_feedback(self) -> wp.array:
         """See :attr:`.State.target_factor`. Where bodies are pinned, it is not the others that have to make up for how they stand."""
-        fewest = 0
         if not (self.model.body.flags & BodyFlags.PINNED).any():
-            counts = np.bincount(self.model.body.group)
-            fewest = int(counts[counts > 0].min(initial=self.model.body_count))
-        width = feedback_width(fewest, self.around[1])
-        if width > 0.0:
-            self.field.prepare_feedback(width)
+            counts = np.bincount(self.model.body.group, minlength=self.field.group_count)
+            width = feedback_widths(counts, self.around[1])
+            if width.any():
+                self.field.prepare_feedback(width)
         return self.launcher.zeros(0, float) if self.field.feedback is None else self.field.feedback.factor
 
     def separate(self, go_on: Callable[[], bool] | None = None, *, again: bool = False) -> bool:

@@ -267,8 +267,8 @@ class Field:
         with self.launcher.phase("near field, interpolation"):
             self._add_near_and_far(field)
 
-    def prepare_feedback(self, width: float) -> None:
-        """Make ready for targets that are changed by how dense charges stand, blurred over a ``width``."""
+    def prepare_feedback(self, width: np.ndarray) -> None:
+        """Make ready for targets that are changed by how dense charges stand, blurred over a ``width`` for every group."""
         self.feedback = TargetFeedback(
             self.launcher,
             layout=self.layout,

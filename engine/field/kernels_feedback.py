@@ -75,7 +75,9 @@ def mirrored_or_repeated(
 def blur_along(
     first: int,
     values: wp.array(dtype=float),
-    weight: wp.array(dtype=float),
+    weight: wp.array2d(dtype=float),
+    reach: wp.array(dtype=wp.int32),
+    others: int,
     nodes_given: int,
     nodes: int,
     inner: int,
@@ -85,15 +87,21 @@ def blur_along(
     # outputs
     blurred: wp.array(dtype=float),
 ):
-    """Weigh values along the middle axis of three: ``nodes_given`` of ``inner`` each become ``nodes``."""
+    """Weigh values along the third of four axes, of which the first counts groups, each with weights of its own.
+
+    There are ``others`` along the second axis and ``inner`` along the last one; ``nodes_given`` along the third become ``nodes``.
+    """
     i = first + wp.tid()
-    begin = i / (inner * nodes) * inner * nodes_given + i % inner
+    row = i / (inner * nodes)
+    begin = row * inner * nodes_given + i % inner
     at = i / inner % nodes
-    total = weight[0] * mirrored_or_repeated(values, begin, inner, at, intervals, margin, repeats)
-    for t in range(1, weight.shape[0]):
+    group = row / others
+    own = weight[group]
+    total = own[0] * mirrored_or_repeated(values, begin, inner, at, intervals, margin, repeats)
+    for t in range(1, reach[group] + 1):
         both = mirrored_or_repeated(values, begin, inner, at - t, intervals, margin, repeats)
         both += mirrored_or_repeated(values, begin, inner, at + t, intervals, margin, repeats)
-        total += weight[t] * both
+        total += own[t] * both
     blurred[i] = total
 
 
@@ -113,7 +121,8 @@ def change_factors(
 ):
     """Ask for less where charges are denser than asked for, and for more where they are sparser.
 
-    Where the density is ``sparse``, over its mean, or bodies do not follow it, factors stay as they are.
+    Where the density is ``sparse``, over its mean, or bodies do not follow it, factors stay as they are; so do those of groups whose
+    density was not blurred, which is 0 then.
     """
     i = first + wp.tid()
     counts = wp.clamp(asked[i] / (sparse * mean[i / nodes]) - 1.0, 0.0, 1.0)

@@ -21,12 +21,12 @@ from ..space.target_deposit import deposit_images, mix_images
 from . import kernels_feedback
 from .kernels_splines import MIXED_AT_ONCE, mix_groups
 
-__all__ = ["TargetFeedback", "feedback_width"]
+__all__ = ["TargetFeedback", "feedback_widths"]
 
-# Width of the Gaussian, in spacings of the bodies of which there are fewest: with 2 what it sees are single bodies; with 4 errors at
-# 2 spacings are larger by a fifth. And over the shorter side of the domain at most.
-WIDTH, MOST_OF_SIDE = 2.6, 0.15
-# Nodes along it, and how many widths it reaches: beyond there is 4e-5 of its peak, of which lattices leave nothing.
+# Width of the Gaussian, in spacings of the bodies of a group: with 2 what it sees are single bodies; with 4 errors at 2 spacings are
+# larger by a fifth. And over the shorter side of the domain at most, and over the width of the group of which there are most.
+WIDTH, MOST_OF_SIDE, MOST_OF_NARROWEST = 2.6, 0.15, 4.0
+# Nodes along the narrowest, and how many widths each reaches: beyond there is 4e-5 of its peak, of which lattices leave nothing.
 NODES_ALONG, REACH = 2.0, 4.5
 # By how much more or less is asked for at most, as a share.
 MOST = 0.2
@@ -40,15 +40,16 @@ SPARSE = 0.02
 MARGIN, BLOCK = 3, 1024
 
 
-def feedback_width(fewest: int, size: Sequence[float]) -> float:
-    """Width of the Gaussian over which densities are compared; 0 where bodies are too few to compare any.
+def feedback_widths(counts: np.ndarray, size: Sequence[float]) -> np.ndarray:
+    """Widths of the Gaussians over which densities of groups are compared; 0 where bodies are too few to compare any.
 
     Args:
-        fewest: Bodies of the group of which there are fewest.
+        counts: Bodies of every group, shape ``[group_count]``.
         size: Width and height of the rectangle that they are in; the result is in the same unit.
     """
-    width = WIDTH * math.sqrt(size[0] * size[1] / max(fewest, 1))
-    return width if width <= MOST_OF_SIDE * min(size) else 0.0
+    width = WIDTH * np.sqrt(size[0] * size[1] / np.maximum(counts, 1))
+    most = min(MOST_OF_SIDE * min(size), MOST_OF_NARROWEST * float(width.min(initial=math.inf)))
+    return np.where((counts > 0) & (width <= most), width, 0.0)
 
 
 class TargetFeedback:
@@ -61,7 +62,7 @@ class TargetFeedback:
         attracting: Charge of each image that attracts every group, shape ``[group_count, image_count]``.
         interaction: Factors between groups, shape ``[group_count, group_count]``, on the device.
         attraction: What attracts groups, charge per node, flat, one group after the other; it is changed in place.
-        width: Of the Gaussian, in the solver's unit.
+        width: Of the Gaussian of every group, in the solver's unit, shape ``[group_count]``; 0 where its targets stay as they are.
 
     Attributes:
         layout: A coarse mesh, on which densities are compared.
@@ -77,7 +78,7 @@ class TargetFeedback:
         attracting: np.ndarray,
         interaction: wp.array,
         attraction: wp.array,
-        width: float,
+        width: np.ndarray,
     ) -> None:
         self._launcher, self._of_field = launcher, layout
         self._images, self._attracting, self._interaction = images, attracting, interaction
@@ -85,7 +86,9 @@ class TargetFeedback:
         self._repeats = layout.space.periodic
         self._groups = len(attracting)
         across, up = layout.space.size
-        self._intervals = [max(4, math.ceil(NODES_ALONG * length / width)) for length in (across, up)]
+        self._intervals = [
+            max(4, math.ceil(NODES_ALONG * length / width[width > 0.0].min())) for length in (across, up)
+        ]
         step = across / self._intervals[0], up / self._intervals[1]
         self._margin = 0 if self._repeats else MARGIN
         # Of columns and rows: those that charges are laid on, and those within the domain.
@@ -178,16 +181,22 @@ class TargetFeedback:
             [self._attraction],
         )
 
-    def _weights_of(self, width: float) -> wp.array:
-        """Of a Gaussian of so many nodes in width, on one side of its middle; of the whole they sum to 1."""
-        weight = np.exp(-0.5 * (np.arange(math.ceil(REACH * width) + 1) / width) ** 2)
-        return self._launcher.array(weight / (2.0 * weight.sum() - weight[0]), float)
+    def _weights_of(self, width: np.ndarray) -> tuple[wp.array, wp.array]:
+        """Of Gaussians of so many nodes in width, on one side of their middles; of the whole they sum to 1. And how many there are."""
+        reach = np.ceil(REACH * width).astype(np.int32)
+        weight = np.zeros((len(width), int(reach.max()) + 1))
+        for own, many, wide in zip(weight, reach, width, strict=True):
+            if wide > 0.0:
+                own[: many + 1] = np.exp(-0.5 * (np.arange(many + 1) / wide) ** 2)
+                own /= 2.0 * own.sum() - own[0]
+        flat = self._launcher.array(weight.ravel(), float)
+        return flat.reshape(weight.shape), self._launcher.array(reach, wp.int32)
 
     def _blurred(self, values: wp.array) -> wp.array:
         """Values on the mesh, blurred along both axes, at the nodes within the domain."""
         rows, columns = self.layout.shape
         across, up = self._nodes
-        for weight, given, nodes, inner, intervals, others in (
+        for (weight, reach), given, nodes, inner, intervals, others in (
             (self._weights[0], columns, across, 1, self._intervals[0], rows),
             (self._weights[1], rows, up, across, self._intervals[1], 1),
         ):
@@ -195,7 +204,7 @@ class TargetFeedback:
             self._launcher.launch(
                 kernels_feedback.blur_along,
                 len(result),
-                [values, weight, given, nodes, inner, intervals, self._margin, int(self._repeats)],
+                [values, weight, reach, others, given, nodes, inner, intervals, self._margin, int(self._repeats)],
                 [result],
             )
             values = result

@@ -51,7 +51,8 @@ MOST_PIXELS = 4096
 # along a side of more pixels than this there are a few more: transforms are slow where a length has large prime factors.
 TIMES, FEWEST_TIMES = 24, 6
 # Bodies push each other out of where they are crowded: their density is what they follow less so many times the Laplacian of its
-# logarithm, per area. Over clumps that sums up to half of the error at large, and is made up for. Measured at these regularities.
+# logarithm, per area, measured at these regularities. Over clumps that sums up to half of the error at large. Where one solve places
+# all of them it is measured and made up for during the run (:mod:`~esh.engine.field.target_feedback`); tiles make up for it before.
 REGULARITIES, PUSHED_OUT = (0.0, 0.3, 0.6, 1.0), (0.0024, 0.0056, 0.0113, 0.023)
 # Where a density has room for few clumps, patches of it are as large as they are, and to keep both takes half of the clumps away. So
 # nothing of this is done where there is room for the first number of them, and all of it from the second on.
@@ -64,7 +65,7 @@ STRENGTHS, CROWDING = (0.0, 0.25, 0.5, 0.75, 1.0), (0.0, 0.07, 0.295, 0.66, 1.1)
 BYTES_PER_PIXEL_OF_CLUMPS = 36
 
 
-def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int, regularity: float) -> PreparedClass:
+def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int) -> PreparedClass:
     """Return a class whose density has the clumps that it asks for; its image may have more pixels.
 
     Args:
@@ -72,7 +73,6 @@ def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int
         index: Its place among the classes; each has clumps of its own.
         domain: Where.
         seed: Of the problem.
-        regularity: Of the problem.
 
     Raises:
         ProblemError: Clumps too small for the domain, or for this machine's memory.
@@ -86,11 +86,8 @@ def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int
     fine = np.repeat(np.repeat(image.astype(np.float64), times[0], axis=0), times[1], axis=1)
     factor = _factor(shape, size, domain, body_class.clustering, np.random.default_rng([seed, 8, index]))
     grid = _grid(domain, shape)
-    height, width = grid.pixel
-    pushed_out = pushed_out_at(regularity) / max(body_class.body_count, 1) * float(fine.sum()) * height * width
     factor *= fine
-    share = share_at_large(fine, grid.pixel, size)
-    clumped = as_dense_at_large(fine, factor, grid, WAVELENGTH * size, share, pushed_out)
+    clumped = as_dense_at_large(fine, factor, grid, WAVELENGTH * size, share_at_large(fine, grid.pixel, size))
     return replace(body_class, density_image=clumped.astype(np.float32))
 
 

@@ -56,7 +56,7 @@ class Grid(NamedTuple):
 
 
 def as_dense_at_large(
-    asked: np.ndarray, clumped: np.ndarray, grid: Grid, wavelength: float, share: float, pushed_out: float
+    asked: np.ndarray, clumped: np.ndarray, grid: Grid, wavelength: float, share: float, pushed_out: float = 0.0
 ) -> np.ndarray:
     """A density with clumps, made so that its bodies will be as dense as the one that was asked for, blurred over several clumps.
 

@@ -140,9 +140,7 @@ class Problem(ProblemSettings):
                 prepared = tuple(cut_out_on_surface(c, domain, obstacles, outlines) for c in bases)
         else:
             check_known_in_rectangles(bases, obstacles)
-            prepared = tuple(
-                with_clumps(c, index, domain, settings.seed, settings.regularity) for index, c in enumerate(bases)
-            )
+            prepared = tuple(with_clumps(c, index, domain, settings.seed) for index, c in enumerate(bases))
             if obstacles:
                 known: dict[Hashable, np.ndarray] = {}
                 prepared = tuple(cut_out(c, domain, obstacles, known) for c in prepared)

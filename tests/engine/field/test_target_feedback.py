@@ -5,7 +5,7 @@ import pytest
 from esh.engine.descent.descent import Descent
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
-from esh.engine.field.target_feedback import feedback_width
+from esh.engine.field.target_feedback import feedback_widths
 from esh.engine.model.model import Model
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
@@ -15,6 +15,7 @@ from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.solver import solver as solver_file
 from esh.engine.solver.solver import Solver
+from scipy.ndimage import gaussian_filter
 
 SIDE, COUNT = 64.0, 2048
 Y, X = (np.indices((128, 128)) + 0.5) / 128
@@ -35,16 +36,37 @@ def error(problem, density, spacings=4.0):
     return coverage_error(placement.position, placement.area, density, problem.domain, spacings)
 
 
-@pytest.mark.parametrize("boundary", ["periodic", "open"])
-@pytest.mark.parametrize("spacings", [2.0, 4.0])
-def test_bodies_are_as_dense_as_asked_over_some_spacings(monkeypatch, boundary, spacings):
+def off_at_large(problem, density, spacings):
+    """RMS of what is off, blurred by so many spacings with what mirrors at the border would show, or wrapped; over the mean."""
+    with Solver(problem, device="cpu") as solver:
+        solver.run(100)
+        position = solver.placement().position
+    cells, periodic = 512, problem.domain.periodic
+    low, share = np.divmod(position / SIDE * cells - 0.5, 1.0)
+    found = np.zeros((cells, cells))
+    for corner in np.ndindex(2, 2):
+        column, row = (low + corner).astype(int).T
+        column, row = (np.mod(k, cells) if periodic else np.clip(k, 0, cells - 1) for k in (column, row))
+        np.add.at(found, (cells - 1 - row, column), np.abs(1.0 - np.array(corner) - share).prod(axis=1))
+    asked = np.kron(density, np.ones((cells // len(density),) * 2))
+    width = spacings * cells / np.sqrt(COUNT)
+    difference = found / found.mean() - asked / asked.mean()
+    return np.sqrt(
+        (gaussian_filter(difference, width, mode="wrap" if periodic else "reflect", truncate=6.0) ** 2).mean()
+    )
+
+
+@pytest.mark.parametrize(("boundary", "density"), [("periodic", WAVE), ("open", HILL)])
+@pytest.mark.parametrize(("spacings", "most"), [(2.0, 0.85), (4.0, 0.5)])
+def test_bodies_are_as_dense_as_asked_over_some_spacings(monkeypatch, boundary, density, spacings, most):
     """They push each other out of where they are crowded, which no force tells."""
-    density = WAVE if boundary == "periodic" else np.exp(-2.0 * X - 2.0 * Y).astype(np.float32)
-    corrected = np.mean([error(problem_of(density, boundary, seed=seed), density, spacings) for seed in range(3)])
+
+    def off():
+        return np.mean([off_at_large(problem_of(density, boundary, seed=seed), density, spacings) for seed in range(3)])
+
+    corrected = off()
     monkeypatch.setattr(solver_file, "CORRECTED_AFTER", ())
-    before = np.mean([error(problem_of(density, boundary, seed=seed), density, spacings) for seed in range(3)])
-    # A fifth and a half; at an open border nine tenths, as what ends there counts in the error, too.
-    assert corrected < (0.7 if boundary == "periodic" else 1.0) * before
+    assert corrected < most * off()
 
 
 def test_what_is_near_is_as_even_as_before(monkeypatch):
@@ -60,12 +82,13 @@ def test_what_is_near_is_as_even_as_before(monkeypatch):
 
 
 def test_clumps_keep_the_density_at_large_on_a_ground_that_repeats():
-    """Without, they had two and a half times the error of bodies that stand evenly."""
+    """Without, they have two and a half times the error of bodies that stand evenly."""
     even = np.ones((128, 128), np.float32)
     errors = [
-        np.mean([error(problem_of(even, seed=seed, clustering=c), even) for seed in range(3)]) for c in (0.0, 1.0)
+        np.mean([error(problem_of(even, count=4096, seed=seed, clustering=c), even) for seed in range(4)])
+        for c in (0.0, 1.0)
     ]
-    assert errors[1] < 2.0 * errors[0] + 2e-5
+    assert errors[1] < 2.0 * errors[0]
 
 
 def descent_at(problem, position):
@@ -90,7 +113,7 @@ def test_a_lattice_needs_no_correction_up_to_its_border(boundary):
 
 @pytest.mark.parametrize("boundary", ["open", "periodic", "mirror"])
 def test_where_bodies_are_too_dense_less_is_asked_for_and_as_much_in_all(boundary):
-    """A tenth too many on the left, which is not more than bodies that follow their density may be off by."""
+    """Some hundredths: those that are off by more than a tenth cannot follow their density."""
     across = (np.arange(48) + 0.5) / 48
     across = across - 0.01 * np.sin(2.0 * np.pi * across) if boundary == "periodic" else across**1.03
     position = SIDE * np.stack(np.meshgrid(across, (np.arange(48) + 0.5) / 48), axis=2).reshape(-1, 2)
@@ -99,8 +122,7 @@ def test_where_bodies_are_too_dense_less_is_asked_for_and_as_much_in_all(boundar
         asked = descent.field.attraction.numpy().copy()
         descent.correct_targets()
         factor = descent.state.target_factor.numpy()
-        crowded = np.histogram(position[:, 0], 12, (0.0, SIDE))[0] / (48**2 / 12) - 1.0
-        assert factor.min() < -0.01 and factor.max() > 0.005 and np.ptp(crowded) > 0.0
+        assert factor.min() < -0.01 and factor.max() > 0.005
         changed = descent.field.attraction.numpy()
         assert changed.sum() == pytest.approx(asked.sum(), rel=1e-5)
         assert np.abs(changed - asked).max() > 0.005 * asked.max()
@@ -142,4 +164,5 @@ def test_few_bodies_and_pinned_ones_leave_targets_as_they_are():
         Problem(Domain((SIDE, SIDE)), [BodyClass("a", [Size("s", 1e-3, COUNT)])], fixed=pinned), device="cpu"
     ) as solver:
         assert not solver.descent.corrects_targets
-    assert feedback_width(100_000, (1.0, 0.001)) == 0.0
+    assert not feedback_widths(np.array([100_000]), (1.0, 0.001)).any()
+    assert (feedback_widths(np.array([4000, 400, 40, 0]), (64.0, 64.0)) > 0.0).tolist() == [True, True, False, False]
