@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-__all__ = ["tangent_frame", "turned", "unit_vectors"]
+__all__ = ["spread_directions", "tangent_frame", "turned", "unit_vectors"]
 
 
 def unit_vectors(vector: np.ndarray) -> np.ndarray:
@@ -25,3 +27,11 @@ def turned(vector: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:
     """Return vectors at right angles to normals, turned the shortest way to where the normals are others, shape ``[n, 3]``."""
     turn = np.einsum("nd,nd->n", new, vector) / np.maximum(1.0 + np.einsum("nd,nd->n", old, new), 0.05)
     return vector - turn[:, None] * (old + new)
+
+
+def spread_directions(count: int) -> np.ndarray:
+    """Directions that are spread over all alike, from those along z to those against it, shape ``[count, 3]``: a golden spiral."""
+    z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+    turn = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0))
+    level = np.sqrt(1.0 - z * z)
+    return np.stack([level * np.cos(turn), level * np.sin(turn), z], axis=1)
