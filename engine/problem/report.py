@@ -90,6 +90,12 @@ class Report:
         beyond_border: Bodies whose outlines reach across the border of an ``inset`` domain, where overlap is avoided. Fixed bodies do
             not count.
         farthest_beyond_border: How far the farthest of them does [m].
+        leaning: Number of pairs of objects whose convex hulls meet in space although their outlines on the ground do not overlap: they
+            lean into each other. A scatter in Blender counts them where overlap is avoided, of objects with outlines of their own.
+            None where nobody has looked, and where nothing leans.
+        deepest_leaning: How deep the deepest of them lie in each other [m]: about the shortest way that parts them.
+        leaning_pair: The two bodies, None where nothing meets so.
+        leaning_bodies: Bodies that meet others so, those that lie deepest in another first; at most 10,000.
         notes: Sentences worth the user's attention, e.g. that the footprints cannot fit.
         closest: Smallest distance between two bodies' centers [m], in the plane of the domain; on a surface in a straight line, of two
             on one sheet of it. None with fewer than two bodies.
@@ -121,6 +127,10 @@ class Report:
     beyond_border: int = 0
     farthest_beyond_border: float = 0.0
     fixed_overlaps: int = 0
+    leaning: int | None = None
+    deepest_leaning: float = 0.0
+    leaning_pair: tuple[int, int] | None = None
+    leaning_bodies: tuple[int, ...] = ()
 
     @property
     def clean(self) -> bool:
@@ -165,6 +175,7 @@ class Report:
             *aligned,
             f"all bodies: coverage error {self.coverage_error:.4f}{noise}, {self._regularity()}, "
             f"{self.overlaps} overlap{'' if self.overlaps == 1 else 's'}, {self.covered:.0%} of the space covered",
+            *self._leaning(),
             *self._distances(),
             f"{self.steps} steps, {state}, {self.seconds:.2f} s on {self.device}",
             *self.notes,
@@ -176,6 +187,13 @@ class Report:
         order = "" if self.order is None else f" and order {self.order:.2f}"
         known = " (hexagonal = 1)" if self.smallest_spacing is not None else ""
         return f"smallest spacing {_two_digits(self.smallest_spacing)}{order}{known}"
+
+    def _leaning(self) -> list[str]:
+        """How many objects lean into each other, and how far."""
+        if not self.leaning:
+            return []
+        pairs = "1 pair of objects leans" if self.leaning == 1 else f"{self.leaning} pairs of objects lean"
+        return [f"{pairs} into each other above or below the ground, the deepest by {self.deepest_leaning:.3g} m"]
 
     def _distances(self) -> list[str]:
         """How far bodies are apart [m], where the smallest spacing is low, and what that is relative to."""

@@ -24,15 +24,17 @@ def hull_corners(mesh: TriangleMesh) -> np.ndarray:
 
     They are points of the mesh, so that nothing sticks out of it. Chosen are those without which most would be cut off.
     """
-    points = mesh.position[np.unique(mesh.triangle)].astype(np.float64)
+    used = np.zeros(len(mesh.position), bool)
+    used[mesh.triangle] = True
+    points = mesh.position[used].astype(np.float64)
     if not len(points):
         return np.empty((0, 3))
     low, high = points.min(axis=0), points.max(axis=0)
     extent = high - low
     # Of what is long, directions are as close to each other as if it were not.
     unit = np.where(extent > 0.0, extent, 1.0)
-    scaled = (points - 0.5 * (low + high)) / unit
-    direction = np.concatenate([np.eye(3), -np.eye(3), spread_directions(DIRECTIONS)])
+    scaled = ((points - 0.5 * (low + high)) / unit).astype(np.float32)
+    direction = np.concatenate([np.eye(3), -np.eye(3), spread_directions(DIRECTIONS)]).astype(np.float32)
     corner, reach = _farthest(scaled, direction)
     candidates = scaled[corner]
     chosen = [0]

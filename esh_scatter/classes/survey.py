@@ -12,6 +12,7 @@ from ...engine.problem.obstacles import Obstacle
 from ...engine.problem.scatter_settings import BorderSettings, TargetSettings
 from ...engine.problem.surface import Surface
 from ...engine.surface.chart import RESOLUTION, Chart
+from ...engine.surface.mesh_hull import hull_corners
 from ...engine.surface.mesh_outline import Outline
 from ...engine.surface.surface_points import SurfacePoints
 from ...engine.surface.triangle_mesh import TriangleMesh
@@ -42,12 +43,14 @@ class Survey:
         self._domain: Domain | None = None
         self._drawn_obstacle: Obstacle | None = None
         self._outlines: dict[Hashable, Outline] = {}
+        self._hulls: dict[Hashable, np.ndarray] = {}
         self._values: dict[Hashable, np.ndarray] = {}
         self._used: set[Hashable] = set()
 
     def begin(self, mesh: TriangleMesh, settings: TargetSettings) -> Chart | WholeSurface:
         """Return the part of a target that the settings choose; what nobody has asked for since the last call is let go of."""
         self._outlines = {key: value for key, value in self._outlines.items() if key in self._used}
+        self._hulls = {key: value for key, value in self._hulls.items() if key in self._used}
         self._values = {key: value for key, value in self._values.items() if key in self._used}
         self._used.clear()
         content = (mesh.position, mesh.triangle, mesh.corner, mesh.corner_normal, mesh.normal_matrix)
@@ -90,6 +93,14 @@ class Survey:
         if content not in self._outlines:
             self._outlines[content] = outline_of(mesh, key)
         return self._outlines[content]
+
+    def hull(self, mesh: TriangleMesh) -> np.ndarray:
+        """Return corners of the convex hull of an object to place, from its origin [m], shape ``[k, 3]``."""
+        content = checksum(mesh.position, mesh.triangle)
+        self._used.add(content)
+        if content not in self._hulls:
+            self._hulls[content] = hull_corners(mesh)
+        return self._hulls[content]
 
     def drawn_obstacle(self, image: np.ndarray) -> Obstacle:
         """Return an obstacle of an image, bool: the one of before, of which more is known, if that was the same."""

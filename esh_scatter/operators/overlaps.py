@@ -9,6 +9,7 @@ from mathutils import Matrix, Vector
 from ..editing import forecast
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
+from ..result import words
 from ..result.attributes import OVERLAPPING
 from ..result.display import matrix_of_points
 from ..targets.mesh_attributes import read_attribute
@@ -52,7 +53,7 @@ class _OfResult(bpy.types.Operator):
 
 
 class ESH_OT_select_overlapping(_OfResult):
-    """Select the points whose objects overlap others, in Edit Mode of the result"""
+    """Select the points whose objects overlap others or lean into them, in Edit Mode of the result"""
 
     bl_idname = "esh.select_overlapping"
     bl_label = "Select Overlapping"
@@ -80,32 +81,35 @@ class ESH_OT_frame_overlap(_OfResult):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Go there."""
         scatter = selected_scatter(context)
-        result, report = scatter.result_in(context.scene), scatter.report
-        assert result is not None and report is not None
+        result, report = scatter.result_in(context.scene), scatter.report_as_it_stands()
+        worst = None if report is None else words.worst(report)
+        assert result is not None and report is not None and worst is not None
+        deepest = worst[1]
         matrix = Matrix(matrix_of_points(result).tolist())
-        pair = [matrix @ result.data.vertices[index].co for index in report["deepest_pair"]]
+        pair = [matrix @ result.data.vertices[index].co for index in worst[0]]
         place: Vector = 0.5 * (pair[0] + pair[1])
         context.scene.cursor.location = place
         view = context.space_data.region_3d if context.area is not None and context.area.type == "VIEW_3D" else None
         if view is not None:
             view.view_location = place
-            view.view_distance = DISTANCE_OF_VIEW * max(
-                (pair[0] - pair[1]).length, report.get("usual") or 0.0, report["deepest_overlap"]
-            )
-        self.report({"INFO"}, f"The deepest overlap, {report['deepest_overlap']:.3g} m, is at the 3D cursor")
+            view.view_distance = DISTANCE_OF_VIEW * max((pair[0] - pair[1]).length, report.get("usual") or 0.0, deepest)
+        what = "overlap" if report["overlaps"] else "of those that lean into each other"
+        self.report({"INFO"}, f"The deepest {what}, {deepest:.3g} m, is at the 3D cursor")
         return {"FINISHED"}
 
 
 def _obstacle(scatter: ESH_PG_scatter, context: bpy.types.Context) -> str | None:
     """Return why the overlaps of the last run cannot be shown, or None."""
-    result, report = scatter.result_in(context.scene), scatter.report
+    result, report = scatter.result_in(context.scene), scatter.report_as_it_stands()
     if result is None or report is None or result.type != "MESH":
         return "Scatter first"
-    if not report["overlaps"] or report.get("deepest_pair") is None:
-        return "No two objects overlap"
+    worst = words.worst(report)
+    if worst is None:
+        changed = report.get(words.LEANING_CHANGED, False)
+        return "Objects lean otherwise by now. Scatter again" if changed else "No two objects overlap"
     if OVERLAPPING not in result.data.attributes and result.mode != "EDIT":
         return "The result does not say which objects overlap. Scatter again"
-    if max(report["deepest_pair"]) >= len(result.data.vertices):
+    if max(worst[0]) >= len(result.data.vertices):
         return "Points were removed by hand. Scatter again"
     if not result.visible_get():
         return "The result is hidden. Show it first"

@@ -158,6 +158,17 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         """The last run's report, as :meth:`~esh.engine.problem.report.Report.to_dict` gives it, or None before the first."""
         return _parse_report(self.report_json)
 
+    def report_as_it_stands(self) -> dict | None:
+        """Return :attr:`report`, which then says whether objects stand otherwise by now than when those that lean were counted."""
+        from ..result.kept_ground import LEANING_OF
+
+        report, result = self.report, self.result_in(self.id_data)
+        if report is None or report.get("leaning") is None or result is None:
+            return report
+        known = result.data.get(LEANING_OF, "") if isinstance(result.data, bpy.types.Mesh) else ""
+        now = checksums.of_standing(result) if known else 0
+        return {**report, words.LEANING_CHANGED: bool(now) and known != str(now)}
+
     @property
     def outdated(self) -> bool:
         """Whether something differs from what the last run was made with. Cheap enough to ask while drawing."""
@@ -435,7 +446,9 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
             take_name_of_result(self, result)
         self.result = result
         # Which objects overlap, the points say. Whether they may, and stand in clumps, only the settings that it was made with.
-        kept = {name: value for name, value in words.kept(report).items() if name != "overlapping"}
+        kept = {
+            name: value for name, value in words.kept(report).items() if name not in ("overlapping", "leaning_bodies")
+        }
         kept[words.MAY_OVERLAP] = not self.avoid_overlap
         kept[words.CLUMPED] = any(body_class.clustering > 0.0 for body_class in self.ready_classes())
         self.report_json = json.dumps(kept)

@@ -62,7 +62,7 @@ TO_ORIGIN = "lift"
 BODY_ANGLE, BODY_LENGTH = "body_angle", "body_length"
 # Who stays in the next run; and where the last run has put every point [m]: one that is elsewhere was moved by hand.
 PINNED, PLACED_AT = "pinned", "placed_at"
-# Whether the object there overlaps another; absent where no two do.
+# Whether the object there overlaps another or leans into it; absent where no two do.
 OVERLAPPING = "overlapping"
 # What is known of the ground that an object stands on, and of the object: see :class:`.classes.standing.Ground`.
 NORMAL, HEADING, LONG, MIDDLE, LAID, LOOKS, FIT = "ground_normal", "heading", "long", "middle", "laid", "looks", "fit"

@@ -259,9 +259,10 @@ def _headings(surface: SurfacePoints, placement: Placement) -> np.ndarray:
 
 
 def overlap_attributes(placement: Placement) -> dict[str, tuple[str, np.ndarray]]:
-    """Return the attribute that says of every point whether its object overlaps another; none where no two do."""
-    if placement.report is None or not placement.report.overlapping:
+    """Return the attribute that says of every point whether its object overlaps another or leans into it; none where no two do."""
+    report = placement.report
+    if report is None or not (report.overlapping or report.leaning_bodies):
         return {}
     overlaps = np.zeros(len(placement.position), bool)
-    overlaps[list(placement.report.overlapping)] = True
+    overlaps[[*report.overlapping, *report.leaning_bodies]] = True
     return {OVERLAPPING: ("BOOLEAN", overlaps)}

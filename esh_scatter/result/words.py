@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CLUMPED",
     "HELD",
+    "LEANING_CHANGED",
     "MAY_OVERLAP",
     "NOTE_KINDS",
     "UNBROKEN",
@@ -25,6 +26,8 @@ __all__ = [
     "held",
     "in_the_way",
     "kept",
+    "leaning",
+    "leans",
     "meters",
     "notes",
     "overlaps",
@@ -32,6 +35,7 @@ __all__ = [
     "summary",
     "unevenness",
     "updated",
+    "worst",
 ]
 
 # Coverage errors up to which a placement looks even. Independent random points have 0.31, Poisson disks 0.07. Crowds beside obstacles
@@ -48,6 +52,10 @@ CLUMPED = "clumped"
 NOTE_KINDS = "note_kinds"
 # And what has held the number of objects, as a sentence.
 HELD = "held"
+# And whether objects stand otherwise than when it was counted how many lean into each other.
+LEANING_CHANGED = "leaning_changed"
+# What a report says where nothing lies where it is not to lie.
+NO_OVERLAP = "no overlap"
 # A space at which no line is broken.
 UNBROKEN = "\u00a0"
 # Fewer than this have no evenness to speak of.
@@ -88,7 +96,7 @@ def evenness(report: dict[str, Any]) -> str:
 
 def summary(report: dict[str, Any], unbroken: str = " ", *, seconds: bool = True) -> str:
     """Return a report in one line: "1,042 placed · no overlap · very even · 0.8 s"; ``unbroken`` is the space within its parts."""
-    parts = [f"{placed(report):,} placed", *_troubles(report), evenness(report)]
+    parts = [f"{placed(report):,} placed", *_contacts(report), evenness(report)]
     if seconds:
         parts.append(f"{report['seconds']:.1f} s")
     return " · ".join(part.replace(" ", unbroken) for part in parts if part)
@@ -117,7 +125,32 @@ def updated(names: Sequence[str]) -> str:
 
 def has_trouble(report: dict[str, Any]) -> bool:
     """Whether anything lies where it is not to lie: in another object, an obstacle, or across the border."""
-    return _troubles(report) not in ([], ["no overlap"])
+    return _troubles(report) not in ([], [NO_OVERLAP])
+
+
+def _contacts(report: dict[str, Any]) -> list[str]:
+    """Return what lies where it is not to lie, and what meets above the ground: "no overlap on the ground", "12 pairs lean …"."""
+    found, lean = _troubles(report), _lean(report)
+    if lean and found == [NO_OVERLAP]:
+        found = ["no overlap on the ground"]
+    return [*found, *lean]
+
+
+def _lean(report: dict[str, Any]) -> list[str]:
+    """Return how many pairs lean into each other, or that nobody knows; nothing where none does, or where they may."""
+    count = report.get("leaning")
+    if report.get(MAY_OVERLAP, False) or count is None:
+        return []
+    if report.get(LEANING_CHANGED, False):
+        return ["leaning not counted again"]
+    if count == 1:
+        return ["1 pair leans into each other"]
+    return [f"{count:,} pairs lean into each other"] if count else []
+
+
+def leans(report: dict[str, Any]) -> bool:
+    """Whether objects lean into each other, or may do so by now."""
+    return bool(_lean(report))
 
 
 def _troubles(report: dict[str, Any]) -> list[str]:
@@ -131,7 +164,7 @@ def _troubles(report: dict[str, Any]) -> list[str]:
         found.append(f"{count:,} in obstacles")
     if count := report.get("beyond_border", 0):
         found.append(f"{count:,} across the border")
-    return found or ([] if may else ["no overlap"])
+    return found or ([] if may else [NO_OVERLAP])
 
 
 def _overlaps(count: int) -> str:
@@ -185,8 +218,28 @@ def _in_blender(note: str) -> str:
 
 def overlaps(report: dict[str, Any]) -> str:
     """Return how many pairs of footprints overlap: "12 pairs"."""
-    count = report["overlaps"]
+    return _pairs(report["overlaps"])
+
+
+def leaning(report: dict[str, Any]) -> str:
+    """Return how many pairs meet above the ground or below it: "12 pairs"; empty where nothing leans."""
+    count = report.get("leaning")
+    if count is None:
+        return ""
+    return "changed since" if report.get(LEANING_CHANGED, False) else _pairs(count)
+
+
+def _pairs(count: int) -> str:
     return f"{count:,} pair{'s' * (count != 1)}" if count else "none"
+
+
+def worst(report: dict[str, Any]) -> tuple[tuple[int, int], float] | None:
+    """Return which two objects lie deepest in each other, on the ground before above it, and how deep [m]; None where none do."""
+    if report["overlaps"] and report.get("deepest_pair") is not None:
+        return tuple(report["deepest_pair"]), report["deepest_overlap"]
+    if report.get("leaning") and report.get("leaning_pair") is not None and not report.get(LEANING_CHANGED, False):
+        return tuple(report["leaning_pair"]), report["deepest_leaning"]
+    return None
 
 
 def held(most: int, share: float, wanted: int) -> str:

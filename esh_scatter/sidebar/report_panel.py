@@ -28,14 +28,18 @@ class ESH_PT_report(SubPanel, bpy.types.Panel):
         """Draw the last run's report."""
         layout = self.layout
         scatter = selected_scatter(context)
-        report = scatter.report
+        report = scatter.report_as_it_stands()
         assert report is not None
         _draw_counts(layout.box(), report, scatter.names_in_report())
         facts = layout.column(align=True)
         _draw_fact(facts, "Overlaps", words.overlaps(report), "ERROR" if report["overlaps"] else "NONE")
         if report["overlaps"] and report.get("deepest_overlap"):
             _draw_fact(facts, "Deepest", length_text(context.scene, report["deepest_overlap"]))
-        if report["overlaps"] and report.get("deepest_pair") is not None:
+        if leaning := words.leaning(report):
+            _draw_fact(facts, "Lean Together", leaning, "INFO" if words.leans(report) else "NONE")
+        if report.get("deepest_leaning") and words.leans(report) and not report.get(words.LEANING_CHANGED):
+            _draw_fact(facts, "Deepest", length_text(context.scene, report["deepest_leaning"]))
+        if words.worst(report) is not None:
             row = facts.row(align=True)
             row.operator("esh.select_overlapping", text="Select")
             row.operator("esh.frame_overlap", text="Frame Worst")

@@ -45,10 +45,12 @@ def draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter:
             more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
             write_text(context, column, f"Changed: {', '.join(changes[:3])}{more}", icon="FILE_REFRESH")
         else:
+            report = scatter.report_as_it_stands() or report
             # One line, which the panel does not jump by when a run ends: the seconds are in the report, too.
             seconds = fits_line(context, words.summary(report))
             text = words.summary(report, words.UNBROKEN, seconds=seconds)
-            write_text(context, column, text, icon="ERROR" if words.has_trouble(report) else "CHECKMARK")
+            clean = "INFO" if words.leans(report) else "CHECKMARK"
+            write_text(context, column, text, icon="ERROR" if words.has_trouble(report) else clean)
             if report.get(words.HELD):
                 write_text(context, column, report[words.HELD], icon="INFO")
             _draw_deleted(context, column, scatter, words.placed(report))

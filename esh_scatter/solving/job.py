@@ -46,11 +46,13 @@ from ..classes.survey import Survey
 from ..densities.density_source import Density, DensityReader, Known, attribute_names
 from ..densities.image_density import stored_density
 from ..result.following import followed
-from ..result.kept_ground import LOWEST_POINTS, ON_WHOLE, SEED, UNREAD_STANDING, KeptPlaces
+from ..result.kept_ground import LEANING_OF, LOWEST_POINTS, ON_WHOLE, SEED, UNREAD_STANDING, KeptPlaces
 from ..result.kept_variants import VARIANTS, lowest_told, variants_told
+from ..result.leaning import SizeHulls, with_leaning
 from ..result.pinned_bodies import Pins, lost_with_target, read_pins
 from ..result.result import CLASS_NAMES, find_result, write_result
 from ..result.result_points import ResultPoints, overlap_attributes, point_attributes, result_points
+from ..targets.checksums import standing_number
 from ..targets.references import Reference
 from ..targets.subdivision import read_subdivision
 from ..targets.target import RESULT_TARGET, check_exists, is_result, world_matrix
@@ -177,6 +179,7 @@ class ScatterJob:
         # What the classes place; and of all sizes, class by class, what their bodies look like.
         self._sources: list[Reference] = []
         self._shapes: list[SizeShape] = []
+        self._hulls: list[SizeHulls | None] = []
         self._unread: list[int] = []
         self.survey = survey
         self._given_obstacles = obstacles
@@ -270,6 +273,7 @@ class ScatterJob:
             values_of_classes.append(survey.density(scatter_class.name, reader, self.chart))
             shapes_of_classes.append(shapes)
         self._shapes = [shape for shapes in shapes_of_classes for shape in shapes]
+        self._hulls = self._hulls_of_sizes(reading, survey)
         self._unread = self._unread_standing(shapes_of_classes)
         obstacles: list[Obstacle] = []
         if reading.obstacles and isinstance(self.chart, WholeSurface):
@@ -288,6 +292,24 @@ class ScatterJob:
             fixed=self._fixed(reading),
             include_fixed=True,
         )
+
+    def _hulls_of_sizes(self, reading: _Reading, survey: Survey) -> list[SizeHulls | None]:
+        """Return what the objects of all sizes are in space: of those with outlines of their own, where anything may lean."""
+        chart = self.chart
+        found: list[SizeHulls | None] = []
+        standings = [standing_of(c, self.settings) for c in self.classes]
+        leans = isinstance(chart, WholeSurface) or any(
+            one.tilt > 0.0 or chart.slope(one.align_to_normal) is not None for one in standings
+        )
+        room = [c.room for c in self.classes for _ in c.sizes]
+        sources = [source for of_class in reading.sources for source in of_class]
+        for shape, source, factor in zip(self._shapes, sources, room, strict=True):
+            meshes = [mesh for mesh in source.meshes if isinstance(mesh, TriangleMesh)]
+            if leans and self.settings.avoid_overlap and shape.own_outlines and len(meshes) == len(shape.objects):
+                found.append(SizeHulls(shape.objects, tuple(survey.hull(mesh) for mesh in meshes), factor))
+            else:
+                found.append(None)
+        return found
 
     def _unread_standing(self, shapes: Sequence[Sequence[SizeShape]]) -> list[int]:
         """Return how much of how its objects stand has no influence on where they are, by class."""
@@ -335,7 +357,7 @@ class ScatterJob:
         """Factors on the objects of every class, float64, shape ``[classes]``."""
         return np.array([standing_of(c, self.settings).scale for c in self.classes], np.float64)
 
-    def _size_number(self, bodies: Pins | KeptPlaces) -> np.ndarray:
+    def _size_number(self, bodies: Pins | KeptPlaces | Placement) -> np.ndarray:
         """Numbers of the sizes of bodies, of those of all classes, one class after the other, shape ``[n]``."""
         first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
         return first[bodies.class_index] + bodies.size_index
@@ -402,8 +424,14 @@ class ScatterJob:
         if self._lost:
             placement = _with_note(placement, self._lost)
         self._points = points
-        self.placement = placement
+        self.placement = placement = self.with_leaning(placement)
         self._attributes = points, self._point_attributes(placement, points)
+
+    def with_leaning(self, placement: Placement) -> Placement:
+        """Return the placement that objects stand on; its report then also says which of them lean into each other. In any thread."""
+        points = self._points
+        assert points is not None
+        return with_leaning(placement, points, self._size_number(placement), self._hulls)
 
     def _upright_on_walls(self, placement: Placement) -> str:
         """Return the names of classes that keep apart on walls and stand upright there, in quotes."""
@@ -480,6 +508,11 @@ class ScatterJob:
     def _point_attributes(self, placement: Placement, points: ResultPoints) -> dict[str, tuple[str, np.ndarray]]:
         return point_attributes(placement, points, self.classes, self.settings, self._divided)
 
+    def _number_of_standing(self, points: ResultPoints) -> str:
+        """Return what tells whether objects still stand as these do; whole numbers of a file's properties have 32 bits with a sign."""
+        instances = points.instances
+        return str(standing_number(instances.position, instances.rotation, instances.scale, instances.source))
+
     def _result_points(self, placement: Placement) -> ResultPoints:
         return result_points(placement, self.problem, self.chart, self.classes, self._shapes, self.settings)
 
@@ -521,6 +554,8 @@ class ScatterJob:
         scales = np.repeat(self._scales, [len(c.sizes) for c in self.classes]).tolist()
         item.data[LOWEST_POINTS] = lowest_told(self._shapes, scales)
         item.data[UNREAD_STANDING] = self._unread
+        if any(one is not None for one in self._hulls):
+            item.data[LEANING_OF] = self._number_of_standing(points)
         item.data[ON_WHOLE] = isinstance(self.chart, WholeSurface)
         return item, sources
 

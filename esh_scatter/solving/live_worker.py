@@ -266,7 +266,7 @@ class LiveWorker:
         except _DroppedError:
             return False
         report = replace(report, steps=steps, converged=True, seconds=time.perf_counter() - start)
-        job.placement = replace(placement, report=report)
+        job.placement = job.with_leaning(replace(placement, report=report))
         self._publish(Outcome(request, job, job.placement, seconds=report.seconds))
         self._unevenness = unevenness(report.to_dict())
         return True

@@ -33,8 +33,10 @@ __all__ = [
     "of_object",
     "of_points",
     "of_shape",
+    "of_standing",
     "of_weights",
     "pose_of",
+    "standing_number",
     "worked_out",
 ]
 
@@ -155,6 +157,16 @@ def of_attribute(item: bpy.types.Object, name: str) -> int:
 def of_points(result: bpy.types.Object) -> int:
     """Return the number of what stands on a result's points: where, how turned and how large."""
     return _worked_out_of("points", result, lambda: _points_number(result))
+
+
+def of_standing(result: bpy.types.Object) -> int:
+    """Return the number of what stands on a result's points, wherever the result itself is; 0 where that cannot be read."""
+    return _worked_out_of("standing", result, lambda: _standing_number(result))
+
+
+def standing_number(*values: np.ndarray) -> int:
+    """Return the number of positions, rotations, scales and of what stands there, as a result's points have them."""
+    return zlib.crc32(repr([_crc(one) for one in values]).encode())
 
 
 def pose_of(item: bpy.types.Object) -> list[list[float]]:
@@ -319,3 +331,11 @@ def _values_number(mesh: bpy.types.Mesh, name: str) -> int:
 def _points_number(result: bpy.types.Object) -> int:
     names = ("position", ROTATION, SCALE, INSTANCE_INDEX)
     return zlib.crc32(repr([pose_of(result), *(_values_number(result.data, name) for name in names)]).encode())
+
+
+def _standing_number(result: bpy.types.Object) -> int:
+    mesh, names = result.data, ("position", ROTATION, SCALE, INSTANCE_INDEX)
+    if mesh.is_editmode or not all(can_be_read(mesh.attributes.get(name)) for name in names):
+        return 0
+    position, rotation, scale, index = (read_attribute(mesh, name) for name in names)
+    return standing_number(position, rotation, scale[:, 0], index)

@@ -26,6 +26,7 @@ from esh.esh_scatter.properties.body_class import ESH_PG_class  # noqa: E402
 from esh.esh_scatter.properties.described import shown_settings  # noqa: E402
 from esh.esh_scatter.properties.layer import KINDS  # noqa: E402
 from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
+from esh.esh_scatter.result import words  # noqa: E402
 from esh.esh_scatter.result.display import our_modifier, set_inputs  # noqa: E402
 from esh.esh_scatter.result.refused import as_sentence  # noqa: E402
 from esh.esh_scatter.result.result import NAME, write_result  # noqa: E402
@@ -209,6 +210,24 @@ def test_overlap_is_said_before_a_run_and_shown_after_it(monkeypatch):
     scatter.avoid_overlap = False
     assert any("The footprints cover 300%" in line for line in draw_all(800))
     assert not {"esh.counts_to_fit", "room", "gap"} & set(draw_all())
+
+
+def test_what_leans_into_each_other_is_in_the_status_and_the_report():
+    scatter = ready_scatter()
+    told = report(leaning=7, leaning_pair=[0, 1], deepest_leaning=0.25)
+    scatter.remember(new_result(scatter.target), told)
+    drawn = draw_all(800)
+    assert any("no overlap on the ground" in line and "7 pairs lean" in line for line in map(plain, drawn))
+    assert {"Lean Together", "7 pairs", "0.25 m", "esh.select_overlapping", "esh.frame_overlap"} <= set(drawn)
+    scatter.remember(scatter.result, report(leaning=0))
+    drawn = draw_all(800)
+    assert "Lean Together" in drawn and not any("on the ground" in line for line in map(plain, drawn))
+    scatter.remember(scatter.result, report())
+    assert "Lean Together" not in draw_all(800)
+
+
+def plain(text):
+    return text.replace(words.UNBROKEN, " ")
 
 
 def test_what_classes_lack_is_worked_out_once_for_all_that_follow_them(monkeypatch):

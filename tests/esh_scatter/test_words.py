@@ -26,6 +26,26 @@ def test_a_summary_is_one_line():
     assert words.summary(report(placed=3)) == "3 placed · no overlap · 0.8 s", "three are neither even nor uneven"
 
 
+def test_what_leans_into_each_other_is_told_beside_what_overlaps_on_the_ground():
+    lean = {"leaning": 1112, "leaning_pair": [3, 4], "deepest_leaning": 0.2}
+    assert words.summary(report(**lean), seconds=False) == (
+        "1,042 placed · no overlap on the ground · 1,112 pairs lean into each other · very even"
+    )
+    assert not words.has_trouble(report(**lean)) and words.leans(report(**lean))
+    assert words.leaning(report(**lean)) == "1,112 pairs" and words.worst(report(**lean)) == ((3, 4), 0.2)
+    assert "· 1 pair leans into each other ·" in words.summary(report(leaning=1))
+    both = report(**lean, overlaps=2, deepest_pair=[1, 2], deepest_overlap=0.1)
+    assert "· 2 overlaps · 1,112 pairs lean into each other ·" in words.summary(both)
+    assert words.worst(both) == ((1, 2), 0.1), "on the ground it counts more"
+    changed = report(**lean) | {words.LEANING_CHANGED: True}
+    assert "no overlap on the ground · leaning not counted again" in words.summary(changed)
+    assert words.leaning(changed) == "changed since" and words.worst(changed) is None
+    for none in (report(), report(leaning=None), report(leaning=0)):
+        assert "· no overlap ·" in words.summary(none) and not words.leans(none) and words.worst(none) is None
+    assert words.leaning(report(leaning=0)) == "none" and words.leaning(report()) == ""
+    assert "lean" not in words.summary(report(**lean) | {words.MAY_OVERLAP: True})
+
+
 @pytest.mark.parametrize(
     ("error", "alone", "word"),
     [
