@@ -160,6 +160,7 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
 
     def report_as_it_stands(self) -> dict | None:
         """Return :attr:`report`, which then says whether objects stand otherwise by now than when those that lean were counted."""
+        from ..result.display import get_inputs, our_modifier
         from ..result.kept_ground import LEANING_OF
 
         report, result = self.report, self.result_in(self.id_data)
@@ -167,7 +168,9 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
             return report
         known = result.data.get(LEANING_OF, "") if isinstance(result.data, bpy.types.Mesh) else ""
         now = checksums.of_standing(result) if known else 0
-        return {**report, words.LEANING_CHANGED: bool(now) and known != str(now)}
+        modifier = our_modifier(result)
+        scaled = modifier is not None and get_inputs(modifier).get("Scale", 1.0) != 1.0
+        return {**report, words.LEANING_CHANGED: scaled or (bool(now) and known != str(now))}
 
     @property
     def outdated(self) -> bool:

@@ -15,6 +15,7 @@ import esh  # noqa: E402
 from esh.engine.quality.solids import TOLERANCE  # noqa: E402
 from esh.esh_scatter.properties.scene import active_scatter  # noqa: E402
 from esh.esh_scatter.result import words  # noqa: E402
+from esh.esh_scatter.result.display import our_modifier, set_inputs  # noqa: E402
 from esh.esh_scatter.targets.mesh_attributes import read_attribute  # noqa: E402
 
 
@@ -213,6 +214,9 @@ def test_what_is_shown_otherwise_since_is_not_told_as_counted(scatter):
     assert not bpy.ops.esh.frame_overlap.poll()
     body_class.offset = 0.0
     assert f"{count} pairs lean into each other" in words.summary(scatter.report_as_it_stands())
+    set_inputs(our_modifier(scatter.result), {"Scale": 1.5})
+    assert words.leaning(scatter.report_as_it_stands()) == "changed since", "all objects are larger"
+    set_inputs(our_modifier(scatter.result), {"Scale": 1.0})
     # Everything is carried away together.
     scatter.result.location.z = 4.0
     bpy.context.view_layer.update()
