@@ -111,6 +111,7 @@ def change_factors(
     surplus: wp.array(dtype=float),
     asked: wp.array(dtype=float),
     mean: wp.array(dtype=float),
+    ground: wp.array(dtype=float),
     nodes: int,
     sparse: float,
     followed: float,
@@ -121,11 +122,12 @@ def change_factors(
 ):
     """Ask for less where charges are denser than asked for, and for more where they are sparser.
 
-    Where the density is ``sparse``, over its mean, or bodies do not follow it, factors stay as they are; so do those of groups whose
-    density was not blurred, which is 0 then.
+    Where the density is ``sparse``, over its mean, where a quarter of what the Gaussian sees is no ``ground`` of it, or where bodies do not
+    follow it, factors stay as they are; so do those of groups whose density was not blurred, which is 0 then.
     """
     i = first + wp.tid()
     counts = wp.clamp(asked[i] / (sparse * mean[i / nodes]) - 1.0, 0.0, 1.0)
+    counts *= wp.clamp(4.0 * ground[i] - 3.0, 0.0, 1.0)
     if counts > 0.0:
         off = surplus[i] / asked[i]
         counts *= wp.clamp((not_followed - wp.abs(off)) / (not_followed - followed), 0.0, 1.0)

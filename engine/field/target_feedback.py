@@ -146,7 +146,14 @@ class TargetFeedback:
         self._launcher.launch(
             kernels_feedback.change_factors,
             len(self._density),
-            [self._blurred(self._surplus), self._density, self._mean, self._nodes[0] * self._nodes[1], *limits],
+            [
+                self._blurred(self._surplus),
+                self._density,
+                self._mean,
+                self._ground,
+                self._nodes[0] * self._nodes[1],
+                *limits,
+            ],
             [self.factor],
         )
         self._change_targets()
@@ -158,8 +165,18 @@ class TargetFeedback:
         deposited = deposit_images(launcher, self._images, self.layout)
         self._target = mix_images(launcher, deposited, self._attracting, nodes)
         self._density = self._blurred(self._target)
-        share_of_node = 1.0 / (self._intervals[0] * self._intervals[1])
-        self._mean = launcher.array(self._attracting.sum(axis=1) * share_of_node, float)
+        whole, cells = self._attracting.sum(axis=1), self._intervals[0] * self._intervals[1]
+        self._mean = launcher.array(whole / cells, float)
+        # Beyond an edge of the ground of a density there are no mirrors.
+        grounds = [(image > SPARSE * image.mean(dtype=np.float64)).astype(np.float32) for image in self._images]
+        if all(ground.all() for ground in grounds):
+            self._ground = launcher.array(np.ones(len(self._density)), float)
+            return
+        share = np.divide(
+            self._attracting, whole[:, None], out=np.zeros_like(self._attracting), where=whole[:, None] != 0.0
+        )
+        share *= [cells * float(ground.mean(dtype=np.float64)) for ground in grounds]
+        self._ground = self._blurred(mix_images(launcher, deposit_images(launcher, grounds, self.layout), share, nodes))
 
     def _change_targets(self) -> None:
         """Multiply what is asked for by the factors; no group gets more in all."""
