@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from .engine.files.recipe import read_recipe
     from .engine.files.recipe_writer import write_recipe
     from .engine.model.body_flags import BodyFlags
-    from .engine.model.state import State
-    from .engine.motion.surface_state import SurfaceState
+    from .engine.model.state import State, SurfaceState
     from .engine.problem.balance import Balance
     from .engine.problem.body_class import BodyClass, Unsharp
     from .engine.problem.color_separation import Ink, InkModel, halftone_problem, ink_colors, separate
@@ -243,7 +242,7 @@ _MODULES = {
     "SurfaceAttribute": ".engine.problem.surface_density",
     "SurfaceImage": ".engine.problem.surface_density",
     "SurfaceMesh": ".engine.problem.surface",
-    "SurfaceState": ".engine.motion.surface_state",
+    "SurfaceState": ".engine.model.state",
     "SurfaceTriplanar": ".engine.problem.surface_density",
     "SurfaceVectors": ".engine.problem.surface_directions",
     "TileState": ".engine.tiles.tiles",

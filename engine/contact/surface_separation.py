@@ -11,9 +11,9 @@ import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..model.model import Model
+from ..model.state import SurfaceState
 from ..model.surface_places import TilePlaces
 from ..motion import kernels_descent, kernels_lying, kernels_on_surface
-from ..motion.surface_state import SurfaceState
 from ..problem.unit_vectors import tangent_frame
 from ..space.cell_sort import CellSort
 from ..space.size_levels import levels_of

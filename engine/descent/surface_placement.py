@@ -9,7 +9,7 @@ from ..device.launcher import Launcher
 from ..model.body_flags import BodyFlags
 from ..model.looking import angle_within, looking_bodies, looks_at_point, somebody_looks
 from ..model.model import Model
-from ..motion.surface_state import SurfaceState
+from ..model.state import SurfaceState
 from ..problem.look_at import facing_on_surface
 from ..problem.of_bodies import of_all, one_by_one
 from ..problem.placement import Placement

@@ -37,11 +37,9 @@ from ..model.looking import LOOKS_AWAY, angle_within, looks_at_point, somebody_l
 from ..model.memory import check_memory
 from ..model.model import Model
 from ..model.natural_border import STEPS_WITHIN, Kept, NaturalBorder, smoothing
-from ..model.state import State
-from ..model.state_arrays import StateArrays
+from ..model.state import State, StateArrays, SurfaceState
 from ..model.surface_places import PlacesOnSurface, spots_of_places
 from ..motion.carried_lines import carry_lines
-from ..motion.surface_state import SurfaceState
 from ..problem.domain import Domain
 from ..problem.placement import Placement
 from ..problem.problem import Problem

@@ -230,7 +230,7 @@ OF_SCRIPTS = {
     "edits/given_places.py checked_places": 1,
     "edits/given_places.py checked_identities": 1,
     "model/body_flags.py checked_flags": 1,
-    "model/state_arrays.py StateArrays.check": 1,
+    "model/state.py StateArrays.check": 1,
 }
 # What Blender's side asks for by names, which these sentences say: UV maps, vertex groups, attributes.
 IN_WORDS_OF_BLENDER = {
