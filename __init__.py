@@ -49,8 +49,9 @@ if TYPE_CHECKING:
     from .engine.problem.surface_directions import AlongCurves, SurfaceVectors
     from .engine.scenes.solve_many import solve_many
     from .engine.solve import solve
+    from .engine.solver.bookmarks import Bookmark
     from .engine.solver.progress import Progress
-    from .engine.solver.solver import Bookmark, Edit, Solver
+    from .engine.solver.solver import Edit, Solver
     from .engine.surface.instances import Instances
     from .engine.surface.mesh_outline import Outline
     from .engine.tiles.tiles import TileState, solve_tiles
@@ -187,7 +188,7 @@ _MODULES = {
     "Bodies": ".engine.files.bodies",
     "BodyClass": ".engine.problem.body_class",
     "BodyFlags": ".engine.model.body_flags",
-    "Bookmark": ".engine.solver.solver",
+    "Bookmark": ".engine.solver.bookmarks",
     "CameraDensity": ".esh_scatter.densities.kinds",
     "ClassDensity": ".esh_scatter.densities.kinds",
     "ClassReport": ".engine.problem.report",
