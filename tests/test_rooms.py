@@ -24,7 +24,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "model": {"cascade", "device", "field", "problem", "space", "surface"},
     "motion": {"cascade", "device", "field", "model", "problem", "space", "surface"},
     "contact": {"cascade", "device", "model", "motion", "problem", "space", "surface"},
-    "descent": {"cascade", "contact", "device", "field", "heat", "model", "motion", "problem", "space", "surface"},
+    "descent": {"cascade", "contact", "device", "heat", "model", "motion", "problem", "space", "surface"},
     "edits": {"descent", "device", "model", "motion", "problem", "space", "surface"},
     "solver": {"descent", "device", "edits", "heat", "model", "motion", "problem", "space"},
     "quality": {"device", "field", "heat", "problem", "space", "surface", "transforms"},

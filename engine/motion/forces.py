@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from ..model.occupied_part import occupied_part
 from ..space.asked_counts import typical_spacing
 from . import kernels_descent
 
-__all__ = ["SMALLEST_DENSITY", "Forces"]
+__all__ = ["SMALLEST_DENSITY", "FieldSettings", "Forces"]
 
 # Curvature and spacing are taken where the density is at least this share of its mean, so that steps stay finite. Measured on a
 # density that falls to a thousandth: 2e-4 and 2e-2 change coverage errors by 0.2 %.
@@ -27,50 +28,55 @@ SMALLEST_DENSITY = 2e-3
 BLUR_OF_TANGLING = 0.03
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FieldSettings:
+    """How the field that forces come from differs from the usual one.
+
+    Attributes:
+        targets: What attracts every group; None for the densities of the problem.
+        fewest_nodes: Of the mesh that shows details of the targets; None for as many as it takes to show all.
+        whole_charge: Charges before fading (see ``engine/tiles/fading.py``), shape ``[charge_count]``; None if none faded.
+        smooth: Width of a blur between two charges over their spacing, with nothing that keeps close pairs apart; None for the blur
+            that places bodies. See :class:`~esh.engine.field.field.Field`.
+    """
+
+    targets: list[FieldTarget] | None = None
+    fewest_nodes: int | None = None
+    whole_charge: np.ndarray | None = None
+    smooth: float | None = None
+
+
 class Forces:
     """The forces on the charges of a model, in the plane.
 
     Args:
         model: The compiled problem.
         launcher: Runs the kernels.
-        targets: What attracts every group; None for the densities of the problem.
-        fewest_nodes: Of the mesh that shows details of the targets; None for as many as it takes to show all.
-        blur_over_spacing: Width of the blur between two charges over their spacing; None for the one that places them.
-        smooth: Whether nothing keeps close pairs apart; see :class:`~esh.engine.field.field.Field`.
-        whole_charge: Charges before fading (see ``engine/tiles/fading.py``), shape ``[charge_count]``; None if none faded.
+        settings: How the field differs from the usual one.
 
     Attributes:
         field: The field; that of a mirrored domain is one of twice its extent, unless all bodies are far from its edges.
         images_of_each: How many times each body is in that field.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        launcher: Launcher,
-        *,
-        targets: list[FieldTarget] | None = None,
-        fewest_nodes: int | None = None,
-        blur_over_spacing: float | None = None,
-        smooth: bool = False,
-        whole_charge: np.ndarray | None = None,
-    ) -> None:
+    def __init__(self, model: Model, launcher: Launcher, settings: FieldSettings) -> None:
         problem = model.problem
+        blur_over_spacing = settings.smooth
         if blur_over_spacing is None and model.may_tangle:
             blur_over_spacing = BLUR_OF_TANGLING
         described: dict[str, Any] = {
             "space": model.space,
             "interaction": model.interaction,
-            "targets": group_targets(model) if targets is None else targets,
+            "targets": group_targets(model) if settings.targets is None else settings.targets,
             "spacing": typical_spacing(problem) / model.unit,
             "charge": model.charge.charge,
             "charge_group": model.charge_group,
-            "fewest_nodes": fewest_nodes,
+            "fewest_nodes": settings.fewest_nodes,
             "family": model.groups.class_index,
             "regularity": problem.regularity,
             "blur_over_spacing": blur_over_spacing,
-            "smooth": smooth,
-            "whole_charge": whole_charge,
+            "smooth": settings.smooth is not None,
+            "whole_charge": settings.whole_charge,
         }
         parts = [part for target in described["targets"] for part in (target, *target.more)]
         attracting = [image for part in parts for image in (part.image, part.whole) if image is not None]
