@@ -10,11 +10,11 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..geometry.unit_vectors import tangent_frame
 from ..model.model import Model
 from ..model.state import SurfaceState
 from ..model.surface_places import TilePlaces
 from ..motion import kernels_descent, kernels_lying, kernels_on_surface
-from ..problem.unit_vectors import tangent_frame
 from ..space.cell_sort import CellSort
 from ..space.size_levels import levels_of
 from ..surface.facets import Facets

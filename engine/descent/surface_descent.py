@@ -22,6 +22,7 @@ from ..contact.surface_contact import SurfaceContact
 from ..contact.surface_obstacles import clear_of_outlines, outlines_on_ground, rooms
 from ..contact.surface_separation import SurfaceSeparation
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..geometry.unit_vectors import tangent_frame
 from ..heat.heat_mesh import HeatMeshes
 from ..model.beside_fixed_on_surface import left_by_fixed
 from ..model.cut_by_detail import cut_by_detail
@@ -46,7 +47,6 @@ from ..motion.surface_line_rules import SurfaceLineRules
 from ..motion.surface_own_forces import own_forces
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface
-from ..problem.unit_vectors import tangent_frame
 from ..surface import kernels_facets
 from ..surface.facets import Facets
 from ..surface.parts import joined_parts

@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
+from ..geometry.unit_vectors import tangent_frame
 from ..model.body_flags import BodyFlags
 from ..model.looking import angle_within, looking_bodies, looks_at_point, somebody_looks
 from ..model.model import Model
@@ -14,7 +15,6 @@ from ..problem.look_at import facing_on_surface
 from ..problem.of_bodies import of_all, one_by_one
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface
-from ..problem.unit_vectors import tangent_frame
 from ..surface.facets import Facets
 from . import kernels_surface_end
 from .final_placement import bends_of

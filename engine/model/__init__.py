@@ -3,5 +3,5 @@
 ``model.py`` has the tables of bodies, charges and groups. ``attraction.py`` says what attracts the groups, ``supports.py`` where
 bodies may be. ``state.py`` holds what changes from step to step, in the plane and on a surface.
 
-May import ``cascade``, ``device``, ``field``, ``problem``, ``space`` and ``surface``.
+May import ``cascade``, ``device``, ``field``, ``geometry``, ``problem``, ``space`` and ``surface``.
 """
