@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from .engine.files.recipe import read_recipe
     from .engine.files.recipe_writer import write_recipe
     from .engine.model.body_flags import BodyFlags
-    from .engine.model.state import State
-    from .engine.motion.surface_state import SurfaceState
+    from .engine.model.state import State, SurfaceState
     from .engine.problem.balance import Balance
     from .engine.problem.body_class import BodyClass, Unsharp
     from .engine.problem.color_separation import Ink, InkModel, halftone_problem, ink_colors, separate
@@ -50,8 +49,9 @@ if TYPE_CHECKING:
     from .engine.problem.surface_directions import AlongCurves, SurfaceVectors
     from .engine.scenes.solve_many import solve_many
     from .engine.solve import solve
+    from .engine.solver.bookmarks import Bookmark
     from .engine.solver.progress import Progress
-    from .engine.solver.solver import Bookmark, Edit, Solver
+    from .engine.solver.solver import Edit, Solver
     from .engine.surface.instances import Instances
     from .engine.surface.mesh_outline import Outline
     from .engine.tiles.tiles import TileState, solve_tiles
@@ -188,7 +188,7 @@ _MODULES = {
     "Bodies": ".engine.files.bodies",
     "BodyClass": ".engine.problem.body_class",
     "BodyFlags": ".engine.model.body_flags",
-    "Bookmark": ".engine.solver.solver",
+    "Bookmark": ".engine.solver.bookmarks",
     "CameraDensity": ".esh_scatter.densities.kinds",
     "ClassDensity": ".esh_scatter.densities.kinds",
     "ClassReport": ".engine.problem.report",
@@ -243,7 +243,7 @@ _MODULES = {
     "SurfaceAttribute": ".engine.problem.surface_density",
     "SurfaceImage": ".engine.problem.surface_density",
     "SurfaceMesh": ".engine.problem.surface",
-    "SurfaceState": ".engine.motion.surface_state",
+    "SurfaceState": ".engine.model.state",
     "SurfaceTriplanar": ".engine.problem.surface_density",
     "SurfaceVectors": ".engine.problem.surface_directions",
     "TileState": ".engine.tiles.tiles",

@@ -1,4 +1,4 @@
-"""Functions are short, and not nested deeply: whoever reads one sees all of it at once."""
+"""Functions are short, not nested deeply, and take few arguments: whoever reads one sees all of it at once."""
 
 import ast
 from pathlib import Path
@@ -9,6 +9,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("engine", "esh_scatter", "tools", "demo_scenes", "benchmarks")
 SOURCES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py"))
 MOST_LINES = 70
+MOST_ARGUMENTS = 10
 DEEPEST = 4
 NESTING = (ast.For, ast.While, ast.If, ast.With, ast.Try, ast.Match, ast.FunctionDef, ast.AsyncFunctionDef)
 
@@ -41,3 +42,11 @@ def test_functions_are_short_and_not_nested_deeply(path):
     found = list(functions(path.read_text(encoding="utf-8")))
     assert not [f"{name}: {lines} lines" for name, lines, _ in found if lines > MOST_LINES]
     assert not [f"{name}: nested {deep} deep" for name, _, deep in found if deep > DEEPEST]
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "engine").rglob("kernels_*.py")), ids=lambda path: path.stem)
+def test_functions_of_kernels_take_few_arguments(path):
+    """What belongs together is a ``wp.struct``. Native code has no structures, and of a kernel's arrays one has to be an argument."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.FunctionDef) and "wp.func" in map(ast.unparse, node.decorator_list):
+            assert len(node.args.args) <= MOST_ARGUMENTS, f"{node.name} takes {len(node.args.args)} arguments"

@@ -3,5 +3,5 @@
 *Contact* (``contact.py``, ``surface_contact.py``) pushes discs and capsules apart in every step of the descent. *Separation*
 (``separation.py``) moves exact convex outlines apart after the last step.
 
-May import ``cascade``, ``device``, ``model``, ``motion``, ``problem``, ``space`` and ``surface``.
+May import ``cascade``, ``device``, ``geometry``, ``model``, ``motion``, ``problem``, ``space`` and ``surface``.
 """

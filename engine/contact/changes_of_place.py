@@ -14,7 +14,7 @@ from ..model.model import Model
 from . import kernels_trials
 from .footprint_tables import FootprintTables, numbered
 
-__all__ = ["Traders", "alone", "best_of_lanes", "compatible", "find_traders"]
+__all__ = ["Traders", "alone", "best_of_lanes", "compatible", "find_traders", "trials_for"]
 
 # Bodies trade places whose areas differ by up to this factor.
 ALIKE = 1.15
@@ -86,6 +86,14 @@ def compatible(cell: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarr
     np.minimum.at(claims, first, rank)
     np.minimum.at(claims, second, rank)
     return (claims[first] == rank) & (claims[second] == rank)
+
+
+def trials_for(launcher: Launcher, stuck: np.ndarray, lanes: int, candidates: int, seed: int) -> kernels_trials.Trials:
+    """Return what kernels take that try other places for stuck bodies: see :class:`.kernels_trials.Trials`."""
+    trials = kernels_trials.Trials()
+    trials.stuck = wp.array(stuck.astype(np.int32), dtype=wp.int32, device=launcher.device)
+    trials.lanes, trials.candidates, trials.seed = lanes, candidates, seed
+    return trials
 
 
 def best_of_lanes(cost: np.ndarray, distance: np.ndarray, lanes: int) -> np.ndarray:

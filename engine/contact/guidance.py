@@ -12,7 +12,7 @@ import warp as wp
 from ..device.launcher import Launcher, Recording
 from ..model.model import Model
 from ..motion import kernels_descent
-from ..motion.forces import Forces
+from ..motion.forces import FieldSettings, Forces
 from ..problem.packing import elongation_of
 from . import kernels_guidance, kernels_outlines
 
@@ -59,7 +59,7 @@ class Guidance:
 
     def __init__(self, model: Model, launcher: Launcher, bodies: kernels_descent.Bodies, bend: wp.array) -> None:
         self._launcher, self._bodies, self._bend = launcher, bodies, bend
-        self._forces = Forces(model, launcher, blur_over_spacing=BLUR_OVER_SPACING, smooth=True)
+        self._forces = Forces(model, launcher, FieldSettings(smooth=BLUR_OVER_SPACING))
         self._space = model.space.for_kernels()
         self._pose = launcher.zeros(model.body_count, wp.vec4)
         self._charges = kernels_descent.Charges()

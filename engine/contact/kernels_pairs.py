@@ -49,11 +49,15 @@ class Pairs:
 class Crowd:
     """Bodies whose outlines are parted: their poses (x, y, turn), in spatial order, their outlines, and what finds neighbors.
 
-    How many periods away, along x and y, images of a body can still be near; and whether they are to stay inside the edges.
+    Behind the corners of all outlines there is room to turn those of one body in a trial: ``most_corners`` for each body, from
+    ``copies`` on. How many periods away, along x and y, images of a body can still be near; and whether they are to stay inside the
+    edges.
     """
 
     pose: wp.array(dtype=wp.vec4)
     outlines: Outlines
+    copies: wp.int32
+    most_corners: wp.int32
     neighbors: Neighbors
     images: wp.vec2i
     inset: wp.int32

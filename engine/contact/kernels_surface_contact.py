@@ -9,7 +9,7 @@ from ..motion.kernels_descent import PINNED, Bodies
 from ..motion.kernels_lying import LEAST_COSINE, Slots, cell_of_block, in_plane, slot_of_level
 from ..motion.kernels_on_surface import Ground, Motion, Poses, remembered, walk
 from ..space.kernels_meeting import Meeting, keep_apart
-from ..surface.kernels_facets import across, carried, spot_at, tangential
+from ..surface.kernels_facets import Facets, across, carried, spot_at, tangential
 from ..surface.kernels_relations import see_each_other
 from .kernels_contact import Capsule, Push, capsule, push_between, scale_of_pushes
 
@@ -43,6 +43,21 @@ class Footprints:
 
 
 @wp.struct
+class SurfaceNeighbors:
+    """What finds neighbors on a surface: how bodies lie, their footprints, the facets that they are on, and who is in which cell.
+
+    ``slots`` are of cells as large as bodies of a level need them; in the larger ones of ``coarse`` larger bodies look for them.
+    Positions are not among it: the loop of a kernel is faster on the CPU if one of its arguments is an array.
+    """
+
+    poses: Poses
+    footprints: Footprints
+    facets: Facets
+    slots: Slots
+    coarse: Slots
+
+
+@wp.struct
 class Nearby:
     """Whom every body may touch while none has moved far: how many, -1 where that is not known, and who; ``room`` for so many each.
 
@@ -68,21 +83,6 @@ class Pushes:
 
 
 @wp.struct
-class Lanes:
-    """Bodies around which so many others lie that several threads look after each: which, and how many threads these are.
-
-    And of every body which of them it is, -1 for all others; and what every thread has found: a shift in the body's plane, a turn
-    and how many push it, and how many of these overlap it.
-    """
-
-    body: wp.array(dtype=wp.int32)
-    each: wp.int32
-    number: wp.array(dtype=wp.int32)
-    push: wp.array(dtype=wp.vec4)
-    overlaps: wp.array(dtype=wp.int32)
-
-
-@wp.struct
 class Total:
     """What pushes a body so far: a shift in its plane and a turn; how many do, how many of these overlap it, and how many are near."""
 
@@ -93,23 +93,34 @@ class Total:
     near: wp.int32
 
 
+@wp.struct
+class Lanes:
+    """Bodies around which so many others lie that several threads look after each: which, and how many threads these are.
+
+    And of every body which of them it is, -1 for all others; and what every thread has found.
+    """
+
+    body: wp.array(dtype=wp.int32)
+    each: wp.int32
+    number: wp.array(dtype=wp.int32)
+    found: wp.array(dtype=Total)
+
+
 @wp.kernel
 def contact_slots(
     first: int,
-    poses: Poses,
-    footprints: Footprints,
-    ground: Ground,
-    mask: int,
+    neighbors: SurfaceNeighbors,
     # outputs
     position: wp.array(dtype=wp.vec3),
     key: wp.array(dtype=wp.int32),
     order: wp.array(dtype=wp.int32),
 ):
+    """Where every body is, and the slot of its cell."""
     i = first + wp.tid()
-    at = spot_at(poses.facet[i], poses.weight[i], ground.facets).position
+    at = spot_at(neighbors.poses.facet[i], neighbors.poses.weight[i], neighbors.facets).position
     position[i] = at
-    m = footprints.level[i]
-    key[i] = slot_of_level(cell_at(at, footprints.inverse_cell[m]), m, mask)
+    m = neighbors.footprints.level[i]
+    key[i] = slot_of_level(cell_at(at, neighbors.footprints.inverse_cell[m]), m, neighbors.slots.mask)
     order[i] = i
 
 
@@ -117,16 +128,16 @@ def contact_slots(
 def coarse_slots(
     first: int,
     position: wp.array(dtype=wp.vec3),
-    footprints: Footprints,
-    mask: int,
+    neighbors: SurfaceNeighbors,
     # outputs
     key: wp.array(dtype=wp.int32),
     order: wp.array(dtype=wp.int32),
 ):
     """The slots where larger bodies look for every body."""
     i = first + wp.tid()
-    m = footprints.level[i]
-    key[i] = slot_of_level(cell_at(position[i], footprints.inverse_coarse_cell[m]), m, mask)
+    m = neighbors.footprints.level[i]
+    cell = cell_at(position[i], neighbors.footprints.inverse_coarse_cell[m])
+    key[i] = slot_of_level(cell, m, neighbors.coarse.mask)
     order[i] = i
 
 
@@ -134,18 +145,16 @@ def coarse_slots(
 def find_stray(
     first: int,
     position: wp.array(dtype=wp.vec3),
-    poses: Poses,
-    footprints: Footprints,
+    neighbors: SurfaceNeighbors,
     # outputs
-    kept: wp.array(dtype=wp.vec3),
     nearby: Nearby,
 ):
     """Note where bodies are when they are sorted, and whether one has moved too far since it was listed."""
     i = first + wp.tid()
     at = position[i]
-    kept[i] = at
-    moved = wp.length(at - nearby.listed_at[i]) + wp.length(poses.axis[i] - nearby.listed_axis[i])
-    if not moved <= STRAY * footprints.radius[i]:
+    neighbors.slots.sorted_at[i] = at
+    moved = wp.length(at - nearby.listed_at[i]) + wp.length(neighbors.poses.axis[i] - nearby.listed_axis[i])
+    if not moved <= STRAY * neighbors.footprints.radius[i]:
         nearby.stale[0] = 1
 
 
@@ -153,7 +162,7 @@ def find_stray(
 def begin_list(
     first: int,
     position: wp.array(dtype=wp.vec3),
-    poses: Poses,
+    neighbors: SurfaceNeighbors,
     # outputs
     nearby: Nearby,
 ):
@@ -161,7 +170,7 @@ def begin_list(
     i = first + wp.tid()
     if nearby.stale[0] != 0:
         nearby.listed_at[i] = position[i]
-        nearby.listed_axis[i] = poses.axis[i]
+        nearby.listed_axis[i] = neighbors.poses.axis[i]
         nearby.count[i] = -1
 
 
@@ -178,6 +187,7 @@ def end_list(
 class Here:
     """A body as others meet it: where, on which part, the plane that touches the surface there, and its footprint in that plane."""
 
+    body: wp.int32
     position: wp.vec3
     label: wp.int32
     normal: wp.vec3
@@ -186,59 +196,65 @@ class Here:
     footprint: Capsule
 
 
+@wp.struct
+class Search:
+    """What a search around a body looks at: bodies of a level, in cells of a size, and of these one in ``lanes`` from ``lane`` on."""
+
+    level: wp.int32
+    inverse_cell: wp.float32
+    slots: Slots
+    lane: wp.int32
+    lanes: wp.int32
+
+
 @wp.func
-def stand(position: wp.vec3, facet: int, axis: wp.vec3, radius: float, mass: float, ground: Ground):
-    """A body on a facet, seen in the plane along its axis."""
+def stand(i: int, position: wp.array(dtype=wp.vec3), neighbors: SurfaceNeighbors):
+    """Body ``i``, seen in the plane along its axis."""
+    facet = neighbors.poses.facet[i]
+    axis = neighbors.poses.axis[i]
     half = wp.length(axis)
     here = Here()
-    here.position = position
-    here.label = ground.facets.label[facet]
-    here.normal = ground.facets.normal[facet]
+    here.body = i
+    here.position = position[i]
+    here.label = neighbors.facets.label[facet]
+    here.normal = neighbors.facets.normal[facet]
     here.along = axis / wp.max(half, 1.0e-12)
     if half == 0.0:
         here.along = across(here.normal)
     here.beside = wp.cross(here.normal, here.along)
-    here.footprint = capsule(wp.vec2(half, 0.0), half, radius, mass)
+    radius = neighbors.footprints.radius[i]
+    here.footprint = capsule(wp.vec2(half, 0.0), half, radius, neighbors.footprints.mass[i])
     return here
 
 
 @wp.func
-def pushed_by(
-    i: int,
-    j: int,
-    here: Here,
-    facet: int,
-    position: wp.vec3,
-    axis: wp.vec3,
-    footprints: Footprints,
-    ground: Ground,
-    slack: float,
-):
-    """What body ``j`` does to body ``i``. What lies on another part, or looks to the other side, is not met."""
-    way = position - here.position
+def pushed_by(j: int, here: Here, position: wp.array(dtype=wp.vec3), neighbors: SurfaceNeighbors, slack: float):
+    """What body ``j`` does to the one here. What lies on another part, or looks to the other side, is not met."""
+    way = position[j] - here.position
     distance = wp.length(way)
     own = here.footprint
-    touching = own.radius + footprints.radius[j]
-    normal = ground.facets.normal[facet]
-    facets = ground.facets
-    met = see_each_other(facets.label[facet], here.label, facets.label, facets.relations)
+    touching = own.radius + neighbors.footprints.radius[j]
+    facet = neighbors.poses.facet[j]
+    normal = neighbors.facets.normal[facet]
+    label = neighbors.facets.label[facet]
+    met = see_each_other(label, here.label, neighbors.facets.label, neighbors.facets.relations)
     met = met and wp.dot(normal, here.normal) >= LEAST_COSINE
-    if not (met and distance < own.half + own.radius + footprints.reach[j] + slack * touching):
+    if not (met and distance < own.half + own.radius + neighbors.footprints.reach[j] + slack * touching):
         return Push()
     # Into the plane here, as far off as they are.
     flat = in_plane(way, here.along, here.beside)
     length = wp.length(flat)
     if length > 1.0e-6 * touching:
         flat = flat * (distance / length)
-    carried_axis = carried(axis, normal, here.normal)
-    reach = footprints.reach[j]
+    carried_axis = carried(neighbors.poses.axis[j], normal, here.normal)
+    reach = neighbors.footprints.reach[j]
     other = Capsule()
     other.half_axis = in_plane(carried_axis, here.along, here.beside)
     other.half = wp.length(other.half_axis)
-    other.radius = footprints.radius[j]
-    other.mass = footprints.mass[j]
+    other.radius = neighbors.footprints.radius[j]
+    other.mass = neighbors.footprints.mass[j]
     other.inertia = other.mass * reach * reach / 3.0
-    return push_between(i, j, flat, own, other, touching * (1.0 + slack))
+    return push_between(here.body, j, flat, own, other, touching * (1.0 + slack))
 
 
 @wp.func
@@ -256,130 +272,93 @@ def with_push(before: Total, push: Push, touching: float):
 @wp.func
 def add_pushes_of_cell(
     before: Total,
-    i: int,
-    lane: int,
-    lanes: int,
     here: Here,
     cell: wp.vec3i,
-    level: int,
-    inverse_cell: float,
-    poses: Poses,
+    search: Search,
     position: wp.array(dtype=wp.vec3),
-    slots: Slots,
-    footprints: Footprints,
-    ground: Ground,
+    neighbors: SurfaceNeighbors,
     slack: float,
     nearby: Nearby,
 ):
-    """What pushes body ``i`` so far, and what one in ``lanes`` bodies of a level in a cell adds; those that are near are noted."""
+    """What pushes a body so far, and what those that are searched for in a cell add; those that are near are noted."""
     total = before
-    slot = slot_of_level(cell, level, slots.mask)
-    for s in range(slots.start[slot] + lane, slots.start[slot + 1], lanes):
+    i = here.body
+    slots = search.slots
+    slot = slot_of_level(cell, search.level, slots.mask)
+    for s in range(slots.start[slot] + search.lane, slots.start[slot + 1], search.lanes):
         j = slots.order[s]
-        wanted = j != i and footprints.level[j] == level and keep_apart(i, j, footprints.meeting)
-        if wanted and same_cell(cell_at(slots.sorted_at[j], inverse_cell), cell):
-            facet = poses.facet[j]
+        wanted = (
+            j != i and neighbors.footprints.level[j] == search.level and keep_apart(i, j, neighbors.footprints.meeting)
+        )
+        if wanted and same_cell(cell_at(slots.sorted_at[j], search.inverse_cell), cell):
             # Whoever is near may touch in another round.
-            near = pushed_by(i, j, here, facet, position[j], poses.axis[j], footprints, ground, NEARBY)
+            near = pushed_by(j, here, position, neighbors, NEARBY)
             if near.count > 0.0:
                 if total.near < nearby.room:
                     nearby.body[i * nearby.room + total.near] = j
                 total.near += 1
-                touching = here.footprint.radius + footprints.radius[j]
+                touching = here.footprint.radius + neighbors.footprints.radius[j]
                 if near.distance < touching * (1.0 + slack):
-                    push = pushed_by(i, j, here, facet, position[j], poses.axis[j], footprints, ground, slack)
-                    total = with_push(total, push, touching)
+                    total = with_push(total, pushed_by(j, here, position, neighbors, slack), touching)
     return total
 
 
 @wp.func
 def add_pushes_of_level(
     before: Total,
-    i: int,
-    lane: int,
-    lanes: int,
     here: Here,
-    level: int,
-    inverse_cell: float,
-    poses: Poses,
+    search: Search,
     position: wp.array(dtype=wp.vec3),
-    slots: Slots,
-    footprints: Footprints,
-    ground: Ground,
+    neighbors: SurfaceNeighbors,
     slack: float,
     nearby: Nearby,
 ):
-    """What pushes body ``i`` so far, and what the bodies of a level in the cells around it add to it."""
+    """What pushes a body so far, and what those that are searched for in the cells around it add to it."""
     total = before
     own = here.footprint
-    margin = NEARBY * (own.radius + footprints.level_radius[level])
-    most = own.half + own.radius + footprints.level_reach[level] + margin
+    margin = NEARBY * (own.radius + neighbors.footprints.level_radius[search.level])
+    most = own.half + own.radius + neighbors.footprints.level_reach[search.level] + margin
     around = wp.vec3(most, most, most)
-    low = cell_at(here.position - around, inverse_cell)
-    counts = cell_at(here.position + around, inverse_cell) - low + wp.vec3i(1, 1, 1)
+    low = cell_at(here.position - around, search.inverse_cell)
+    counts = cell_at(here.position + around, search.inverse_cell) - low + wp.vec3i(1, 1, 1)
     for number in range(counts[0] * counts[1] * counts[2]):
         cell = low + cell_of_block(number, counts)
-        total = add_pushes_of_cell(
-            total,
-            i,
-            lane,
-            lanes,
-            here,
-            cell,
-            level,
-            inverse_cell,
-            poses,
-            position,
-            slots,
-            footprints,
-            ground,
-            slack,
-            nearby,
-        )
+        total = add_pushes_of_cell(total, here, cell, search, position, neighbors, slack, nearby)
     return total
 
 
 @wp.func
 def pushes_of_cells(
-    i: int,
+    here: Here,
     lane: int,
     lanes: int,
-    here: Here,
-    poses: Poses,
     position: wp.array(dtype=wp.vec3),
-    slots: Slots,
-    coarse: Slots,
-    footprints: Footprints,
-    ground: Ground,
+    neighbors: SurfaceNeighbors,
     slack: float,
     nearby: Nearby,
 ):
-    """What pushes body ``i``: of the bodies in every cell around it one in ``lanes``, from number ``lane`` on."""
+    """What pushes a body: of the bodies in every cell around it one in ``lanes``, from number ``lane`` on."""
     total = Total()
-    for m in range(footprints.level_count):
-        if m <= footprints.level[i]:
-            cell = footprints.inverse_cell[m]
-            total = add_pushes_of_level(
-                total, i, lane, lanes, here, m, cell, poses, position, slots, footprints, ground, slack, nearby
-            )
-        else:
+    search = Search()
+    search.lane = lane
+    search.lanes = lanes
+    for m in range(neighbors.footprints.level_count):
+        search.level = m
+        search.slots = neighbors.slots
+        search.inverse_cell = neighbors.footprints.inverse_cell[m]
+        if m > neighbors.footprints.level[here.body]:
             # Of far smaller ones there are many cells around it, and few bodies in most.
-            cell = footprints.inverse_coarse_cell[m]
-            total = add_pushes_of_level(
-                total, i, lane, lanes, here, m, cell, poses, position, coarse, footprints, ground, slack, nearby
-            )
+            search.slots = neighbors.coarse
+            search.inverse_cell = neighbors.footprints.inverse_coarse_cell[m]
+        total = add_pushes_of_level(total, here, search, position, neighbors, slack, nearby)
     return total
 
 
 @wp.kernel
 def push_in_lanes(
     first: int,
-    poses: Poses,
     position: wp.array(dtype=wp.vec3),
-    slots: Slots,
-    coarse: Slots,
-    footprints: Footprints,
-    ground: Ground,
+    neighbors: SurfaceNeighbors,
     slack: float,
     unlisted: Nearby,
     # outputs
@@ -387,24 +366,15 @@ def push_in_lanes(
 ):
     """What every thread of a body finds that many others lie around; there is no room to list them."""
     t = first + wp.tid()
-    i = lanes.body[t // lanes.each]
-    here = stand(position[i], poses.facet[i], poses.axis[i], footprints.radius[i], footprints.mass[i], ground)
-    total = pushes_of_cells(
-        i, t % lanes.each, lanes.each, here, poses, position, slots, coarse, footprints, ground, slack, unlisted
-    )
-    lanes.push[t] = wp.vec4(total.shift[0], total.shift[1], total.turn, total.count)
-    lanes.overlaps[t] = total.overlaps
+    here = stand(lanes.body[t // lanes.each], position, neighbors)
+    lanes.found[t] = pushes_of_cells(here, t % lanes.each, lanes.each, position, neighbors, slack, unlisted)
 
 
 @wp.kernel
 def push_apart(
     first: int,
-    poses: Poses,
     position: wp.array(dtype=wp.vec3),
-    slots: Slots,
-    coarse: Slots,
-    footprints: Footprints,
-    ground: Ground,
+    neighbors: SurfaceNeighbors,
     slack: float,
     damping: float,
     lanes: Lanes,
@@ -417,24 +387,24 @@ def push_apart(
     Where it is not known who is near it looks into cells, and notes them; or takes what several threads have found.
     """
     i = first + wp.tid()
-    here = stand(position[i], poses.facet[i], poses.axis[i], footprints.radius[i], footprints.mass[i], ground)
+    here = stand(i, position, neighbors)
     total = Total()
     if lanes.number[i] >= 0:
         begin = lanes.number[i] * lanes.each
         for t in range(begin, begin + lanes.each):
-            found = lanes.push[t]
-            total.shift += wp.vec2(found[0], found[1])
-            total.turn += found[2]
-            total.count += found[3]
-            total.overlaps += lanes.overlaps[t]
+            found = lanes.found[t]
+            total.shift += found.shift
+            total.turn += found.turn
+            total.count += found.count
+            total.overlaps += found.overlaps
     elif nearby.count[i] >= 0:
         begin = i * nearby.room
         for k in range(begin, begin + nearby.count[i]):
             j = nearby.body[k]
-            push = pushed_by(i, j, here, poses.facet[j], position[j], poses.axis[j], footprints, ground, slack)
-            total = with_push(total, push, here.footprint.radius + footprints.radius[j])
+            touching = here.footprint.radius + neighbors.footprints.radius[j]
+            total = with_push(total, pushed_by(j, here, position, neighbors, slack), touching)
     else:
-        total = pushes_of_cells(i, 0, 1, here, poses, position, slots, coarse, footprints, ground, slack, nearby)
+        total = pushes_of_cells(here, 0, 1, position, neighbors, slack, nearby)
         if total.near <= nearby.room:
             nearby.count[i] = total.near
     scale = scale_of_pushes(total.count, damping)

@@ -22,7 +22,7 @@ from .kernels_surface_separation import (
     standing_of,
 )
 from .kernels_touch import depth_of_overlap
-from .kernels_trials import PINNED_COST, TOLERABLE, Bins
+from .kernels_trials import PINNED_COST, TOLERABLE, Bins, Trials
 
 wp.set_module_options({"enable_backward": False})
 
@@ -37,6 +37,20 @@ class Pool:
     facet: wp.array(dtype=wp.int32)
     weight: wp.array(dtype=wp.vec2)
     start: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class SurfacePlaces:
+    """The best place of every lane: facet, weights, and where the x axis points; the squared overlaps there, and how far it is.
+
+    The facet is -1 where none is better than to lie in what cannot give way.
+    """
+
+    facet: wp.array(dtype=wp.int32)
+    weight: wp.array(dtype=wp.vec2)
+    axis: wp.array(dtype=wp.vec3)
+    cost: wp.array(dtype=float)
+    distance: wp.array(dtype=float)
 
 
 @wp.func
@@ -335,53 +349,46 @@ def standing_at(spot: Spot, along: wp.vec3, crowd: SurfaceCrowd):
 @wp.kernel
 def propose_places_on_surface(
     first: int,
-    stuck: wp.array(dtype=wp.int32),
-    lanes: int,
-    candidates: int,
-    seed: int,
+    trials: Trials,
     pool: Pool,
     bodies: Bodies,
     bend: wp.array(dtype=float),
     preferred: wp.array(dtype=wp.vec3),
     crowd: SurfaceCrowd,
     # outputs
-    chosen: wp.array(dtype=wp.int32),
-    weight: wp.array(dtype=wp.vec2),
-    axis: wp.array(dtype=wp.vec3),
-    cost: wp.array(dtype=float),
-    distance: wp.array(dtype=float),
+    places: SurfacePlaces,
 ):
-    """Where a stuck body overlaps the least, or the nearest place where it does not: facet, weights; squared overlaps, and how far.
+    """Where a stuck body overlaps the least, or the nearest place where it does not.
 
-    Places are those of a pool, and as many around it, where the gaps may be narrower than the pool is dense. So many ``lanes`` share
-    them, each finds the best of its own. Who may turn is turned at random; a line that prefers a direction lies there as it lies to
-    that here. -1: none is better than to lie in what cannot give way.
+    Places are those of a pool, and as many around it, where the gaps may be narrower than the pool is dense. Who may turn is turned at
+    random; a line that prefers a direction lies there as it lies to that here.
     """
     q = first + wp.tid()
+    lanes = trials.lanes
     lane = q % lanes
-    i = stuck[q / lanes]
+    i = trials.stuck[q / lanes]
     support = bodies.support[crowd.outlines.body[i]]
     begin = pool.start[support]
     count = pool.start[support + 1] - begin
     # Where it begins along the pool is the same for all lanes.
-    drawn = wp.rand_init(seed, i)
+    drawn = wp.rand_init(trials.seed, i)
     along_curve = wp.randi(drawn, 0, wp.max(count, 1))
     state = drawn
     if lane > 0:
-        state = wp.rand_init(seed + lane, i)
+        state = wp.rand_init(trials.seed + lane, i)
     led = turn_from_preferred(i, bodies, preferred, crowd)
     least = float(PINNED_COST)
     far = float(1.0e30)
     best = int(-1)
     best_weight = crowd.weight[i]
     best_axis = crowd.along[i]
-    for candidate in range(lane, wp.min(candidates, count), lanes):
+    for candidate in range(lane, wp.min(trials.candidates, count), lanes):
         at = begin + (along_curve + candidate) % count
         # Drawn whether it is used or not.
         angle = wp.randf(state, 0.0, 2.0 * wp.pi)
         spot = spot_at(pool.facet[at], pool.weight[at], crowd.ground.facets)
         if (candidate / lanes) % 2 == 1:
-            spot = spot_around(i, float(candidate) / float(candidates), state, crowd)
+            spot = spot_around(i, float(candidate) / float(trials.candidates), state, crowd)
         away = wp.length(spot.position - crowd.position[i])
         free = TOLERABLE * TOLERABLE
         if least > free or away < far:
@@ -397,8 +404,8 @@ def propose_places_on_surface(
                     best = spot.facet
                     best_weight = spot.weight
                     best_axis = here.along
-    chosen[q] = best
-    weight[q] = best_weight
-    axis[q] = best_axis
-    cost[q] = least
-    distance[q] = far
+    places.facet[q] = best
+    places.weight[q] = best_weight
+    places.axis[q] = best_axis
+    places.cost[q] = least
+    places.distance[q] = far

@@ -8,7 +8,7 @@ from ..motion.kernels_descent import Bodies, vector_into_support
 from ..space.kernels_images import Images, in_support
 from ..space.kernels_meeting import keep_apart
 from ..space.kernels_neighborhood import LANES, SAFELY, bodies_of_run, cells_around, lowest_bit, next_near, run_count
-from ..space.kernels_space import Space, confine, difference
+from ..space.kernels_space import confine, difference
 from .kernels_outlines import Outlines, turned_corner, wall_contact
 from .kernels_pairs import Crowd
 from .kernels_separation import WALL_COST
@@ -31,6 +31,34 @@ class Bins:
     bin: wp.array(dtype=wp.int32)
     start: wp.array(dtype=wp.int32)
     member: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Trials:
+    """Which stuck bodies places are tried for; so many ``lanes`` share the ``candidates`` of each, and find the best of their own."""
+
+    stuck: wp.array(dtype=wp.int32)
+    lanes: wp.int32
+    candidates: wp.int32
+    seed: wp.int32
+
+
+@wp.struct
+class Places:
+    """The best place of every lane (x, y, turn), the squared overlaps there, and which share (0..1) of all trials comes before it."""
+
+    place: wp.array(dtype=wp.vec3)
+    cost: wp.array(dtype=float)
+    share: wp.array(dtype=float)
+
+
+@wp.struct
+class Supports:
+    """What says where bodies may be: what they are, how they bend, and the images of their densities' supports."""
+
+    bodies: Bodies
+    bend: wp.array(dtype=float)
+    images: Images
 
 
 @wp.func
@@ -192,24 +220,18 @@ def turn_trial(i: int, angle: float, corners: int, outlines: Outlines):
 
 
 @wp.func
-def lies_in_support(
-    i: int,
-    at: wp.vec2,
-    angle: float,
-    outlines: Outlines,
-    bodies: Bodies,
-    bend: wp.array(dtype=float),
-    support: int,
-    images: Images,
-    space: Space,
-):
+def lies_in_support(i: int, at: wp.vec2, angle: float, supports: Supports, crowd: Crowd):
     """Whether body i may be at a place, with its axis if it has one."""
-    body = outlines.body[i]
-    inside = in_support(at, support, images, space.size)
+    body = crowd.outlines.body[i]
+    bodies = supports.bodies
+    support = bodies.support[body]
+    space = crowd.neighbors.grid.space
+    inside = in_support(at, support, supports.images, space.size)
     if inside and bodies.kind[body] >= 0:
-        pose = wp.vec4(at[0], at[1], angle, outlines.length[i])
+        pose = wp.vec4(at[0], at[1], angle, crowd.outlines.length[i])
         begin = bodies.first_charge[body]
-        back = vector_into_support(pose, begin, bodies.first_charge[body + 1], bodies, bend, support, images, space)
+        end = bodies.first_charge[body + 1]
+        back = vector_into_support(pose, begin, end, bodies, supports.bend, support, supports.images, space)
         inside = back[2] == 0.0
     return inside
 
@@ -217,22 +239,17 @@ def lies_in_support(
 @wp.kernel
 def find_outside(
     first: int,
-    bodies: Bodies,
-    bend: wp.array(dtype=float),
-    images: Images,
+    supports: Supports,
     crowd: Crowd,
     # outputs
     outside: wp.array(dtype=wp.int32),
 ):
     """Whether every body that moves lies partly where it may not be."""
     i = first + wp.tid()
-    outlines = crowd.outlines
     found = int(0)
-    if outlines.lightness[i] > 0.0:
+    if crowd.outlines.lightness[i] > 0.0:
         own = crowd.pose[i]
-        at = wp.vec2(own[0], own[1])
-        support = bodies.support[outlines.body[i]]
-        if not lies_in_support(i, at, own[2], outlines, bodies, bend, support, images, crowd.neighbors.grid.space):
+        if not lies_in_support(i, wp.vec2(own[0], own[1]), own[2], supports, crowd):
             found = 1
     outside[i] = found
 
@@ -240,38 +257,26 @@ def find_outside(
 @wp.kernel
 def propose_places(
     first: int,
-    stuck: wp.array(dtype=wp.int32),
-    lanes: int,
-    candidates: int,
-    room_for_corners: int,
-    most_corners: int,
-    seed: int,
+    trials: Trials,
     room: wp.vec4,
     may_turn: wp.array(dtype=wp.int32),
-    bodies: Bodies,
-    bend: wp.array(dtype=float),
-    images: Images,
+    supports: Supports,
     # outputs
     crowd: Crowd,
-    place: wp.array(dtype=wp.vec3),
-    cost: wp.array(dtype=float),
-    share: wp.array(dtype=float),
+    places: Places,
 ):
-    """The place around it where a stuck body overlaps the least, and how it is turned there; and its squared overlaps there.
+    """The place around it where a stuck body overlaps the least, and how it is turned there: near ones are tried first.
 
-    And which ``share`` (0..1) of all that are tried comes before it: near ones are tried first.
-
-    Places are on its density, and between the two corners of ``room``; so many ``lanes`` share them, each finds the best of its own.
-    Who may turn is turned at random in every other one, with corners as in :func:`propose_turns`.
+    Places are on its density, and between the two corners of ``room``. Who may turn is turned at random in every other one.
     """
     q = first + wp.tid()
+    lanes = trials.lanes
     lane = q % lanes
-    i = stuck[q / lanes]
+    i = trials.stuck[q / lanes]
     outlines = crowd.outlines
     space = crowd.neighbors.grid.space
-    support = bodies.support[outlines.body[i]]
     own = wp.vec2(crowd.pose[i][0], crowd.pose[i][1])
-    state = wp.rand_init(seed + lane, i)
+    state = wp.rand_init(trials.seed + lane, i)
     room_of = i
     if lanes > 1:
         # One body's corners are turned by many at once.
@@ -279,8 +284,8 @@ def propose_places(
     least = float(PINNED_COST)
     chosen = wp.vec3(own[0], own[1], crowd.pose[i][2])
     before = float(1.0)
-    for candidate in range(lane, candidates, lanes):
-        tried = float(candidate) / float(candidates)
+    for candidate in range(lane, trials.candidates, lanes):
+        tried = float(candidate) / float(trials.candidates)
         far = outlines.reach[i] * NEAREST_PLACE * wp.pow(FARTHEST_PLACE / NEAREST_PLACE, tried)
         # Two draws, one after the other: an expression's parts have no order of their own.
         aside = wp.randn(state)
@@ -291,9 +296,9 @@ def propose_places(
         corners = outlines.first_corner[i]
         if may_turn[i] != 0 and (candidate / lanes) % 2 == 1:
             angle = wp.randf(state, 0.0, 2.0 * wp.pi)
-            corners = room_for_corners + room_of * most_corners
-        if in_room and lies_in_support(i, at, angle, outlines, bodies, bend, support, images, space):
-            if corners >= room_for_corners:
+            corners = crowd.copies + room_of * crowd.most_corners
+        if in_room and lies_in_support(i, at, angle, supports, crowd):
+            if corners >= crowd.copies:
                 turn_trial(i, angle, corners, outlines)
             # Edges do not give way, either.
             over = float(0.0)
@@ -305,9 +310,9 @@ def propose_places(
                     least = here
                     before = tried
                     chosen = wp.vec3(at[0], at[1], angle)
-    place[q] = chosen
-    cost[q] = least
-    share[q] = before
+    places.place[q] = chosen
+    places.cost[q] = least
+    places.share[q] = before
 
 
 @wp.kernel
@@ -327,8 +332,6 @@ def find_costs(
 def propose_turns(
     first: int,
     trials: int,
-    room_for_corners: int,
-    most_corners: int,
     keep: float,
     seed: int,
     cost: wp.array(dtype=float),
@@ -337,17 +340,14 @@ def propose_turns(
     angle: wp.array(dtype=float),
     gain: wp.array(dtype=float),
 ):
-    """The turn with which a body that overlaps others overlaps them least, and by how much its squared overlaps fall.
-
-    Corners of trials lie behind those of the bodies, from ``room_for_corners`` on, ``most_corners`` for each body.
-    """
+    """The turn with which a body that overlaps others overlaps them least, and by how much its squared overlaps fall."""
     i = first + wp.tid()
     outlines = crowd.outlines
     best = float(0.0)
     chosen = crowd.pose[i][2]
     if cost[i] > 0.0 and outlines.ease[i] > 0.0 and outlines.length[i] == 0.0:
         at = wp.vec2(crowd.pose[i][0], crowd.pose[i][1])
-        corners = room_for_corners + i * most_corners
+        corners = crowd.copies + i * crowd.most_corners
         state = wp.rand_init(seed, i)
         for _trial in range(trials):
             trial = wp.randf(state, 0.0, 2.0 * wp.pi)

@@ -16,7 +16,7 @@ from ..motion import kernels_descent
 from ..space import kernels_images
 from ..space.neighborhood import Neighborhood
 from . import kernels_bends, kernels_outlines, kernels_pairs, kernels_separation, kernels_trials
-from .changes_of_place import best_of_lanes
+from .changes_of_place import best_of_lanes, trials_for
 from .footprint_tables import footprint_tables
 from .guidance import Guidance
 from .separation import MOST_JUMPS, SKIN, TOLERANCE, ProposedPlaces, Separation
@@ -110,7 +110,10 @@ class PlaneSeparation(Separation):
             self._outlines,
             self._near.for_kernels,
         )
+        self._crowd.copies, self._crowd.most_corners = self._corner_count, self._trial_corners
         self._crowd.images, self._crowd.inset = wp.vec2i(*periods), int(domain.inset)
+        self._supports = kernels_trials.Supports()
+        self._supports.bodies, self._supports.bend, self._supports.images = bodies, bend, images
 
     def _slopes_for_kernels(self, order: np.ndarray, standing: int) -> kernels_outlines.Slopes | None:
         """Slopes of the planes that outlines lie in; None where all are horizontal, as what stands among them is."""
@@ -251,8 +254,7 @@ class PlaneSeparation(Separation):
         stuck = np.empty(0, np.int64)
         for number in range(MOST_JUMPS):
             self._rebuild()
-            inputs = [self._bodies, self._bend, self._images, self._crowd]
-            self.launcher.launch(kernels_trials.find_outside, self._count, inputs, [outside])
+            self.launcher.launch(kernels_trials.find_outside, self._count, [self._supports, self._crowd], [outside])
             stuck = np.flatnonzero(outside.numpy())
             if not len(stuck) or not self._jump(stuck, number, kernels_trials.PINNED_COST):
                 break
@@ -266,14 +268,23 @@ class PlaneSeparation(Separation):
     def _propose_places(self, stuck: np.ndarray, candidates: int, seed: int) -> ProposedPlaces:
         launcher, lanes = self.launcher, self._lanes(len(stuck))
         n = lanes * len(stuck)
-        place, left, share = launcher.empty(n, wp.vec3), launcher.zeros(n, float), launcher.empty(n, float)
-        on_device = wp.array(stuck.astype(np.int32), dtype=wp.int32, device=launcher.device)
-        inputs = [on_device, lanes, candidates, self._corner_count, self._trial_corners, seed, self._room]
-        inputs += [self._may_turn, self._bodies, self._bend, self._images, self._crowd]
-        launcher.launch(kernels_trials.propose_places, n, inputs, [place, left, share], grain=1)
-        cost = left.numpy()
-        best = best_of_lanes(cost, share.numpy(), lanes)
-        there, cost = place.numpy()[best], cost[best]
+        places = kernels_trials.Places()
+        places.place, places.cost, places.share = (
+            launcher.empty(n, wp.vec3),
+            launcher.zeros(n, float),
+            launcher.empty(n, float),
+        )
+        trials = trials_for(launcher, stuck, lanes, candidates, seed)
+        launcher.launch(
+            kernels_trials.propose_places,
+            n,
+            [trials, self._room, self._may_turn, self._supports],
+            [self._crowd, places],
+            grain=1,
+        )
+        cost = places.cost.numpy()
+        best = best_of_lanes(cost, places.share.numpy(), lanes)
+        there, cost = places.place.numpy()[best], cost[best]
 
         def land(landing: np.ndarray) -> None:
             poses, home, last = (
@@ -297,7 +308,7 @@ class PlaneSeparation(Separation):
         self.launcher.launch(
             kernels_trials.propose_turns,
             self._count,
-            [trials, self._corner_count, self._trial_corners, keep, seed, cost],
+            [trials, keep, seed, cost],
             [self._crowd, angle, gain],
             grain=8,
         )

@@ -8,7 +8,7 @@ import warp as wp
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..model.body_flags import BodyFlags
 from ..model.model import Model
-from ..motion import kernels_descent, kernels_lines, kernels_on_surface
+from ..motion import kernels_descent, kernels_lines, kernels_lying, kernels_on_surface
 from ..space.cell_sort import CellSort
 from ..space.kernels_meeting import Meeting
 from ..space.size_levels import coarse_cells, levels_of
@@ -52,43 +52,26 @@ class SurfaceContact:
         motion: kernels_on_surface.Motion,
         radius: np.ndarray | None = None,
     ) -> None:
-        self._model, self._launcher, self._bodies, self._ground = model, launcher, bodies, ground
-        self._poses, self._motion = poses, motion
-        device, n = launcher.device, model.body_count
-        longest = model.body.longest
+        self._model, self._launcher, self._bodies = model, launcher, bodies
+        self._ground, self._poses, self._motion = ground, poses, motion
+        self._position = launcher.empty(model.body_count, wp.vec3)
+        n, longest = model.body_count, model.body.longest
         half = 0.5 * kernels_lines.LONGEST_LINE * longest / model.unit
         meeting = model.meeting(launcher) if radius is None else Meeting()
         if radius is None:
             radius = contact_radii(model, longest) / model.unit
         reach = radius + half
         level, level_reach = levels_of(reach, coarse=True)
-        mass = np.where(model.body.flags & BodyFlags.PINNED, np.inf, model.body.area)
-        footprints = kernels_surface_contact.Footprints()
-        footprints.level_count = len(level_reach)
-        footprints.level = wp.array(level, dtype=wp.int32, device=device)
-        footprints.radius = wp.array(radius, dtype=float, device=device)
-        footprints.reach = wp.array(reach, dtype=float, device=device)
-        footprints.mass = wp.array(mass / mass[np.isfinite(mass)].mean(), dtype=float, device=device)
-        footprints.level_reach = wp.array(level_reach, dtype=float, device=device)
-        widest = np.array([radius[level == m].max() for m in range(len(level_reach))])
-        footprints.level_radius = wp.array(widest, dtype=float, device=device)
-        footprints.inverse_cell = wp.array(1.0 / (CELL * level_reach), dtype=float, device=device)
-        footprints.inverse_coarse_cell = wp.array(1.0 / coarse_cells(level_reach), dtype=float, device=device)
-        footprints.meeting = meeting
-        self._footprints = footprints
         slots = 1 << max(4, (SLOTS_PER_BODY * n - 1).bit_length())
         self._sort = CellSort(launcher, n, slots)
-        self._position = launcher.empty(n, wp.vec3)
-        self._slots = kernels_surface_contact.Slots()
-        self._slots.order, self._slots.start, self._slots.mask = self._sort.order, self._sort.cell_start, slots - 1
-        self._slots.sorted_at = launcher.empty(n, wp.vec3)
-        self._coarse_sort: CellSort | None = None
-        self._coarse = self._slots
-        if len(level_reach) > 1:
-            self._coarse_sort = CellSort(launcher, n, slots)
-            self._coarse = kernels_surface_contact.Slots()
-            self._coarse.order, self._coarse.start = self._coarse_sort.order, self._coarse_sort.cell_start
-            self._coarse.mask, self._coarse.sorted_at = slots - 1, self._slots.sorted_at
+        self._coarse_sort = CellSort(launcher, n, slots) if len(level_reach) > 1 else None
+        sorted_at = launcher.empty(n, wp.vec3)
+        neighbors = kernels_surface_contact.SurfaceNeighbors()
+        neighbors.poses, neighbors.facets = poses, ground.facets
+        neighbors.footprints = self._footprints_of(radius, reach, level, level_reach, meeting)
+        neighbors.slots = _slots_of(self._sort, slots - 1, sorted_at)
+        neighbors.coarse = _slots_of(self._coarse_sort or self._sort, slots - 1, sorted_at)
+        self._neighbors = neighbors
         self._nearby = kernels_surface_contact.Nearby()
         self._nearby.room = MOST_NEARBY
         self._nearby.count, self._nearby.body = launcher.empty(n, wp.int32), launcher.empty(n * MOST_NEARBY, wp.int32)
@@ -103,6 +86,26 @@ class SurfaceContact:
         self._pushes.shift, self._pushes.turn = launcher.zeros(n, wp.vec3), launcher.zeros(n, float)
         self._pushes.count, self._pushes.overlaps = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
 
+    def _footprints_of(
+        self, radius: np.ndarray, reach: np.ndarray, level: np.ndarray, level_reach: np.ndarray, meeting: Meeting
+    ) -> kernels_surface_contact.Footprints:
+        """Footprints of bodies with these radii, reaches and levels, shape ``[body_count]``, as kernels take them."""
+        device, body = self._launcher.device, self._model.body
+        mass = np.where(body.flags & BodyFlags.PINNED, np.inf, body.area)
+        widest = np.array([radius[level == m].max() for m in range(len(level_reach))])
+        footprints = kernels_surface_contact.Footprints()
+        footprints.level_count = len(level_reach)
+        footprints.level = wp.array(level, dtype=wp.int32, device=device)
+        footprints.radius = wp.array(radius, dtype=float, device=device)
+        footprints.reach = wp.array(reach, dtype=float, device=device)
+        footprints.mass = wp.array(mass / mass[np.isfinite(mass)].mean(), dtype=float, device=device)
+        footprints.level_reach = wp.array(level_reach, dtype=float, device=device)
+        footprints.level_radius = wp.array(widest, dtype=float, device=device)
+        footprints.inverse_cell = wp.array(1.0 / (CELL * level_reach), dtype=float, device=device)
+        footprints.inverse_coarse_cell = wp.array(1.0 / coarse_cells(level_reach), dtype=float, device=device)
+        footprints.meeting = meeting
+        return footprints
+
     def _lanes_of(self, reach: np.ndarray, level: np.ndarray, level_reach: np.ndarray) -> kernels_surface_contact.Lanes:
         """The bodies around which many others lie, if they are strewn evenly."""
         launcher = self._launcher
@@ -115,8 +118,7 @@ class SurfaceContact:
         lanes = kernels_surface_contact.Lanes()
         lanes.each = LANES_ON_GPU if launcher.device.is_cuda else LANES_ON_CPU
         lanes.body, lanes.number = launcher.array(body.astype(np.int32), wp.int32), launcher.array(number, wp.int32)
-        lanes.push = launcher.empty(lanes.each * len(body), wp.vec4)
-        lanes.overlaps = launcher.empty(lanes.each * len(body), wp.int32)
+        lanes.found = launcher.empty(lanes.each * len(body), kernels_surface_contact.Total)
         return lanes
 
     def push(self) -> None:
@@ -131,27 +133,16 @@ class SurfaceContact:
 
     def _find(self) -> None:
         """Sort bodies into cells where they are now."""
-        self._sort.sort(
-            kernels_surface_contact.contact_slots,
-            [self._poses, self._footprints, self._ground, self._slots.mask, self._position],
-        )
+        position, neighbors, nearby, n = self._position, self._neighbors, self._nearby, self._model.body_count
+        self._sort.sort(kernels_surface_contact.contact_slots, [neighbors, position])
         if self._coarse_sort is not None:
-            self._coarse_sort.sort(
-                kernels_surface_contact.coarse_slots, [self._position, self._footprints, self._coarse.mask]
-            )
-        n, position, nearby = self._model.body_count, self._position, self._nearby
-        self._launcher.launch(
-            kernels_surface_contact.find_stray,
-            n,
-            [position, self._poses, self._footprints],
-            [self._slots.sorted_at, nearby],
-        )
-        self._launcher.launch(kernels_surface_contact.begin_list, n, [position, self._poses], [nearby])
+            self._coarse_sort.sort(kernels_surface_contact.coarse_slots, [position, neighbors])
+        self._launcher.launch(kernels_surface_contact.find_stray, n, [position, neighbors], [nearby])
+        self._launcher.launch(kernels_surface_contact.begin_list, n, [position, neighbors], [nearby])
         self._launcher.launch(kernels_surface_contact.end_list, 1, [], [nearby])
 
     def _round(self) -> None:
-        n, ground = self._model.body_count, self._ground
-        seen = [self._poses, self._position, self._slots, self._coarse, self._footprints, ground, SLACK]
+        n, seen = self._model.body_count, [self._position, self._neighbors, SLACK]
         if self._lanes.body.size:
             self._launcher.launch(
                 kernels_surface_contact.push_in_lanes,
@@ -170,6 +161,13 @@ class SurfaceContact:
         self._launcher.launch(
             kernels_surface_contact.accept_push,
             n,
-            [self._pushes, self._bodies, ground],
+            [self._pushes, self._bodies, self._ground],
             [self._poses, self._position, self._motion],
         )
+
+
+def _slots_of(sort: CellSort, mask: int, sorted_at: wp.array) -> kernels_lying.Slots:
+    """Bodies in the order in which they were sorted, as kernels take it; ``sorted_at`` is where they were."""
+    slots = kernels_lying.Slots()
+    slots.order, slots.start, slots.sorted_at, slots.mask = sort.order, sort.cell_start, sorted_at, mask
+    return slots

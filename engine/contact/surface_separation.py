@@ -10,11 +10,11 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..geometry.unit_vectors import tangent_frame
 from ..model.model import Model
+from ..model.state import SurfaceState
 from ..model.surface_places import TilePlaces
 from ..motion import kernels_descent, kernels_lying, kernels_on_surface
-from ..motion.surface_state import SurfaceState
-from ..problem.unit_vectors import tangent_frame
 from ..space.cell_sort import CellSort
 from ..space.size_levels import levels_of
 from ..surface.facets import Facets
@@ -25,7 +25,7 @@ from . import (
     kernels_surface_separation,
     kernels_surface_trials,
 )
-from .changes_of_place import best_of_lanes
+from .changes_of_place import best_of_lanes, trials_for
 from .footprint_tables import footprint_tables
 from .separation import PLACES_OF_JUMP, SKIN, TOLERANCE, ProposedPlaces, Separation
 from .surface_contact import SLOTS_PER_BODY
@@ -271,29 +271,27 @@ class SurfaceSeparation(Separation):
     def _propose_places(self, stuck: np.ndarray, candidates: int, seed: int) -> ProposedPlaces:
         launcher, crowd, pool, lanes = self.launcher, self._crowd, self._pool, self._lanes(len(stuck))
         n = lanes * len(stuck)
-        chosen, axes = launcher.empty(n, wp.int32), launcher.empty(n, wp.vec3)
-        weights, left, distance = launcher.empty(n, wp.vec2), launcher.empty(n, float), launcher.empty(n, float)
+        places = kernels_surface_trials.SurfacePlaces()
+        places.facet, places.weight, places.axis = (launcher.empty(n, kind) for kind in (wp.int32, wp.vec2, wp.vec3))
+        places.cost, places.distance = launcher.empty(n, float), launcher.empty(n, float)
         launcher.launch(
             kernels_surface_trials.propose_places_on_surface,
             n,
             [
-                wp.array(stuck.astype(np.int32), dtype=wp.int32, device=launcher.device),
-                lanes,
-                candidates,
-                seed,
+                trials_for(launcher, stuck, lanes, candidates, seed),
                 pool,
                 self._bodies,
                 self._state.bend,
                 self._preferred,
                 crowd,
             ],
-            [chosen, weights, axes, left, distance],
+            [places],
             grain=1,
         )
-        cost = left.numpy()
-        best = best_of_lanes(cost, distance.numpy(), lanes)
-        there, cost, axis = chosen.numpy()[best], cost[best], axes.numpy()[best]
-        facet, weight = np.maximum(there, 0), weights.numpy()[best]
+        cost = places.cost.numpy()
+        best = best_of_lanes(cost, places.distance.numpy(), lanes)
+        there, cost, axis = places.facet.numpy()[best], cost[best], places.axis.numpy()[best]
+        facet, weight = np.maximum(there, 0), places.weight.numpy()[best]
         position, normal = self._smoothly(facet, weight)
 
         def land(landing: np.ndarray) -> None:

@@ -2,5 +2,6 @@
 
 Begin with ``descent.py`` for the plane and ``surface_descent.py`` for surfaces.
 
-May import ``cascade``, ``contact``, ``device``, ``field``, ``heat``, ``model``, ``motion``, ``problem``, ``space`` and ``surface``.
+May import ``cascade``, ``contact``, ``device``, ``geometry``, ``heat``, ``model``, ``motion``, ``problem``, ``space`` and
+``surface``.
 """

@@ -9,6 +9,7 @@ half of those of Nesterov's momentum: `benchmarks/optimizers.py`).
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import warp as wp
@@ -17,17 +18,13 @@ from ..contact.close_bodies import close_bodies
 from ..contact.contact import Contact, keeps_apart
 from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBORS, Launcher
 from ..device.marked import numbers_up_to
-from ..field.field import FieldTarget
-from ..field.target_feedback import feedback_widths
-from ..model.body_flags import BodyFlags
 from ..model.looking import facing_turns
 from ..model.model import Model
 from ..model.numbers_in_parts import with_whole_numbers
-from ..model.state import State
-from ..model.state_arrays import StateArrays
+from ..model.state import State, StateArrays
 from ..motion import kernels_descent, kernels_direction, kernels_dots, kernels_lines
 from ..motion.direction import ANY_STRETCH, Direction
-from ..motion.forces import SMALLEST_DENSITY, Forces
+from ..motion.forces import SMALLEST_DENSITY, FieldSettings, Forces
 from ..motion.held_border import MOST_STRETCH, shares_of_forces
 from ..motion.line_rules import FIRST_LENGTH, LineRules
 from ..problem.of_bodies import distinct
@@ -53,12 +50,8 @@ class Descent:
         pose: Where bodies start, in the model's unit, shape ``[body_count, 4]``; None for the start of :mod:`.initial_placement`.
             Where angle and length are NaN, they are what the rules for lines want at the start of an edit. Of a model without lines
             it may be on the device, ``wp.vec4``, and belongs to the descent then.
-        fewest_nodes: Of the mesh that shows details of the targets; None for as many as it takes to show all.
-        targets: What attracts every group; None for the densities of the problem.
-        whole_charge: Charges before fading (see ``engine/tiles/fading.py``), shape ``[charge_count]``; None if none faded.
-        smooth: Width of a blur between two charges over their spacing, with nothing that keeps close pairs apart, as
-            :mod:`.natural_border` wants it; None for the blur that places bodies.
-        begins_short: Whether lines that lie across obstacles begin short, as at the start.
+        field_settings: How the field differs from the usual one; None if it does not. Where it is smooth, as :mod:`.natural_border`
+            wants it, lines that lie across obstacles begin short, as at the start.
         stirred: Places around which forces count in full even beside a natural border, in the model's unit, shape ``[m, 2]``: see
             :mod:`.held_border`.
         whole_numbers: Whether separate parts of the ground get the numbers of bodies that they ask for: see
@@ -80,39 +73,28 @@ class Descent:
         launcher: Launcher,
         *,
         pose: np.ndarray | wp.array | None = None,
-        fewest_nodes: int | None = None,
-        targets: list[FieldTarget] | None = None,
-        whole_charge: np.ndarray | None = None,
-        smooth: float | None = None,
-        begins_short: bool = False,
+        field_settings: FieldSettings | None = None,
         stirred: np.ndarray | None = None,
         whole_numbers: bool = True,
     ) -> None:
         self.model = model
         self.launcher = launcher
-        self._begins_short, self._whole_numbers = begins_short, whole_numbers
+        settings = field_settings or FieldSettings()
+        is_smooth = settings.smooth is not None
+        self._begins_short, self._whole_numbers = is_smooth, whole_numbers
         device = launcher.device
         self._space = model.space.for_kernels()
         self.rules = LineRules(model, launcher)
         self.bodies = bodies_for_kernels(model, launcher)
-        if smooth is not None:
+        if is_smooth:
             # Where small charges are blurred less than what attracts them, they are drawn onto a border, and large ones away from it.
-            whole_charge = np.broadcast_to(1.0, model.charge_count)
+            settings = replace(settings, whole_charge=np.broadcast_to(1.0, model.charge_count))
         self.has_dots = bool((distinct(model.body.kind) < 0).any())
         self.at_once = 1 if device.is_cuda else kernels_dots.DOTS_AT_ONCE
-        self._forces = Forces(
-            model,
-            launcher,
-            targets=targets,
-            fewest_nodes=fewest_nodes,
-            whole_charge=whole_charge,
-            blur_over_spacing=smooth,
-            smooth=smooth is not None,
-        )
+        self._forces = Forces(model, launcher, settings)
         self.field = self._forces.field
-        self._target_factor = self._prepare_feedback()
         self._prepare_step_limits()
-        held = model.problem.rectangle.natural and smooth is None
+        held = model.problem.rectangle.natural and not is_smooth
         self.step_length = self._forces.step_lengths(launcher, self._shares_of_forces(stirred) if held else None)
         # Dots look for the way back into the support only where they start.
         back = pose is None or bool(model.kinds)
@@ -165,15 +147,6 @@ class Descent:
         if self.field.feedback is not None:
             self.field.feedback.apply()
         self.place_charges()
-
-    def _prepare_feedback(self) -> wp.array:
-        """See :attr:`.State.target_factor`. Where bodies are pinned, it is not the others that have to make up for how they stand."""
-        if not (self.model.body.flags & BodyFlags.PINNED).any():
-            counts = np.bincount(self.model.body.group, minlength=self.field.group_count)
-            width = feedback_widths(counts, self.around[1])
-            if width.any():
-                self.field.prepare_feedback(width)
-        return self.launcher.zeros(0, float) if self.field.feedback is None else self.field.feedback.factor
 
     def separate(self, go_on: Callable[[], bool] | None = None, *, again: bool = False) -> bool:
         """Part all outlines, where the space can hold them; returns whether none overlap any more; see :meth:`.Contact.separate`."""
@@ -247,7 +220,7 @@ class Descent:
             displacement=launcher.zeros(n, wp.vec4),
             move=launcher.zeros(n, wp.vec4),
             length_factor=self.rules.lines.length_factor,
-            target_factor=self._target_factor,
+            target_factor=self._forces.target_factor,
             steps=np.zeros(1, np.int32),
             unit=np.array([model.unit]),
         )

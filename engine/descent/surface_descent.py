@@ -22,11 +22,12 @@ from ..contact.surface_contact import SurfaceContact
 from ..contact.surface_obstacles import clear_of_outlines, outlines_on_ground, rooms
 from ..contact.surface_separation import SurfaceSeparation
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..geometry.unit_vectors import tangent_frame
 from ..heat.heat_mesh import HeatMeshes
 from ..model.beside_fixed_on_surface import left_by_fixed
 from ..model.cut_by_detail import cut_by_detail
 from ..model.model import Model
-from ..model.state_arrays import StateArrays
+from ..model.state import StateArrays, SurfaceState
 from ..model.surface_correlation import correlation_potential
 from ..model.surface_places import (
     balls_of,
@@ -44,10 +45,8 @@ from ..motion.direction import ANY_STRETCH, Direction
 from ..motion.line_rules import first_length_factors
 from ..motion.surface_line_rules import SurfaceLineRules
 from ..motion.surface_own_forces import own_forces
-from ..motion.surface_state import SurfaceState
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface
-from ..problem.unit_vectors import tangent_frame
 from ..surface import kernels_facets
 from ..surface.facets import Facets
 from ..surface.parts import joined_parts
@@ -170,8 +169,8 @@ class SurfaceDescent:
             self._put(rows, fixed)
             self._lay(rows, self.rules.fixed_axes(self.facets.normal[fixed[0]]))
         self.rules.lines.length_factor = self.state.length_factor
-        self.poses = self.state.poses()
-        self.motion = self.state.motion(change=launcher.zeros(n, wp.vec3), turn_change=launcher.zeros(n, wp.vec2))
+        self.poses = _poses(self.state)
+        self.motion = _motion(self.state, launcher)
         self.contact: SurfaceContact | None = None
         if keeps_apart(model):
             self.contact = SurfaceContact(model, launcher, self.bodies, self.ground_from_near, self.poses, self.motion)
@@ -510,6 +509,23 @@ def _charges(launcher: Launcher, count: int) -> kernels_on_surface.Charges:
     charges.facet, charges.home = launcher.empty(count, wp.int32), launcher.empty(count, wp.int32)
     charges.weight, charges.field = launcher.empty(count, wp.vec2), launcher.zeros(count, wp.vec3)
     return charges
+
+
+def _poses(state: SurfaceState) -> kernels_on_surface.Poses:
+    """Where the bodies of a state are, as kernels take it."""
+    poses = kernels_on_surface.Poses()
+    poses.facet, poses.weight, poses.axis, poses.bend = state.facet, state.weight, state.axis, state.bend
+    return poses
+
+
+def _motion(state: SurfaceState, launcher: Launcher) -> kernels_on_surface.Motion:
+    """What a state remembers, as kernels take it, beside arrays for what the moves and turns changed by."""
+    motion = kernels_on_surface.Motion()
+    motion.displacement, motion.move = state.displacement, state.move
+    motion.turned, motion.turn = state.turned, state.turn
+    motion.change = launcher.zeros(len(state.move), wp.vec3)
+    motion.turn_change = launcher.zeros(len(state.turn), wp.vec2)
+    return motion
 
 
 def _with_facets(ground: kernels_on_surface.Ground, facets: kernels_facets.Facets) -> kernels_on_surface.Ground:

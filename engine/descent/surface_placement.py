@@ -6,15 +6,15 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
+from ..geometry.unit_vectors import tangent_frame
 from ..model.body_flags import BodyFlags
 from ..model.looking import angle_within, looking_bodies, looks_at_point, somebody_looks
 from ..model.model import Model
-from ..motion.surface_state import SurfaceState
+from ..model.state import SurfaceState
 from ..problem.look_at import facing_on_surface
 from ..problem.of_bodies import of_all, one_by_one
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface
-from ..problem.unit_vectors import tangent_frame
 from ..surface.facets import Facets
 from . import kernels_surface_end
 from .final_placement import bends_of

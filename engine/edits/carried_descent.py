@@ -10,6 +10,7 @@ from ..model.carried_over import CarriedInPlane
 from ..model.model import Model
 from ..model.state import State
 from ..motion.carried_lines import carry_lines, rows_of_carried_lines
+from ..motion.forces import FieldSettings
 
 __all__ = ["carried_poses", "carry_turns", "go_on_from"]
 
@@ -32,7 +33,7 @@ def go_on_from(
         position: Where the bodies are [m], shape ``[body_count, 2]``.
         source: Which of that descent's they are, shape ``[body_count]``.
         turned: By how much they were turned there [rad].
-        smooth: See :class:`~.descent.Descent`.
+        smooth: See :class:`~.forces.FieldSettings`.
         close: Where bodies stand too close to others [m], shape ``[m, 2]``: all forces count there.
     """
     launcher, old, state = before.launcher, before.model, before.state
@@ -45,7 +46,7 @@ def go_on_from(
     pose[is_line, 3] *= old.unit / model.unit
     # Where bodies were placed beyond a border there are obstacles in the density only, for which a line's charges count.
     stirred = None if close is None else close / model.unit
-    descent = Descent(model, launcher, pose=pose, smooth=smooth, begins_short=smooth is not None, stirred=stirred)
+    descent = Descent(model, launcher, pose=pose, field_settings=FieldSettings(smooth=smooth), stirred=stirred)
     carry_lines(old, state, model, descent.state, source)
     if old is model:
         descent.state.turn.assign(state.turn)

@@ -11,6 +11,7 @@ from ..descent.descent import Descent
 from ..descent.final_placement import position_on_device
 from ..device.launcher import Launcher
 from ..model.model import Model
+from ..motion.forces import FieldSettings
 from ..problem.balance import Balance
 from ..problem.domain import Domain
 from ..problem.prepared_class import PreparedClass
@@ -62,7 +63,9 @@ class Spreading:
             return
         classes = [PreparedClass(str(i), (Size("point", 1.0, counts[i]),), _image(densities[i])) for i in self._asked]
         model = Model(Problem(domain, classes, Balance(class_separation=0.0), seed=seed))
-        self._descent = Descent(model, launcher, fewest_nodes=FEWEST_NODES, whole_numbers=False)
+        self._descent = Descent(
+            model, launcher, field_settings=FieldSettings(fewest_nodes=FEWEST_NODES), whole_numbers=False
+        )
         if model.body_count > 1:
             self._descent.step.play(STEPS)
 

@@ -122,8 +122,8 @@ def change_factors(
 ):
     """Ask for less where charges are denser than asked for, and for more where they are sparser.
 
-    Where the density is ``sparse``, over its mean, where a quarter of what the Gaussian sees is no ``ground`` of it, or where bodies do not
-    follow it, factors stay as they are; so do those of groups whose density was not blurred, which is 0 then.
+    Factors stay as they are where the density is ``sparse``, over its mean, where a quarter of what the Gaussian sees is no ``ground``
+    of it, and where bodies do not follow it; so do those of groups whose density was not blurred, which is 0 then.
     """
     i = first + wp.tid()
     counts = wp.clamp(asked[i] / (sparse * mean[i / nodes]) - 1.0, 0.0, 1.0)

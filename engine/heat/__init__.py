@@ -2,5 +2,5 @@
 
 Blurred charges and targets on a surface are compared this way: see ``heat_mesh.py``.
 
-May import ``device``, ``problem`` and ``space``.
+May import ``device``, ``geometry``, ``problem`` and ``space``.
 """

@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
-from ..problem.sides import Sides
+from ..geometry.sides import Sides
 from ..space.cell_sort import CellSort
 from . import kernels_cut_mesh
 from .split_triangles import SplitTriangles

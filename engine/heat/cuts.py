@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..problem.seams import PointsOnSides
-from ..problem.sides import Sides
-from ..problem.small_matrices import inverses
+from ..geometry.seams import PointsOnSides
+from ..geometry.sides import Sides
+from ..geometry.small_matrices import inverses
 from .flips import POINTS_AT_ONCE
 
 __all__ = ["Cuts", "across", "at_points", "in_halves"]

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..problem.sides import Sides
+from ..geometry.sides import Sides
 
 __all__ = ["Flips", "cotangents", "find_flips", "laid_flat"]
 

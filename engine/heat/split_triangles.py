@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..problem.seams import merged_ends, points_on_sides
-from ..problem.sides import Sides, sides_of
-from ..problem.small_matrices import determinants
+from ..geometry.seams import merged_ends, points_on_sides
+from ..geometry.sides import Sides, sides_of
+from ..geometry.small_matrices import determinants
 from ..problem.surface import Surface
 from .cuts import Cuts, across, at_points, in_halves
 from .flips import Flips, cotangents, find_flips, laid_flat

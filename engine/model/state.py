@@ -1,16 +1,67 @@
-"""The state of a run in the plane: the poses of all bodies, and what the descent remembers from the last step."""
+"""The state of a run, in the plane or on a surface: where all bodies are, and what the descent remembers from the last step."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from pathlib import Path
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import warp as wp
 
-from .state_arrays import StateArrays
+from ..errors import ProblemError
 
-__all__ = ["State"]
+__all__ = ["State", "StateArrays", "SurfaceState"]
+
+
+class StateArrays:
+    """Base of a dataclass whose fields are arrays of Warp, of the ``KINDS`` that it says, and two on the host.
+
+    Attributes:
+        steps: Steps taken, shape ``[1]``, int32.
+        unit: Meters per unit of length, shape ``[1]``.
+    """
+
+    KINDS: ClassVar[dict[str, type]] = {}
+    steps: np.ndarray
+    unit: np.ndarray
+
+    def copy(self) -> Self:
+        """A state of its own with the same values, on the same device."""
+        copies: dict[str, Any] = {name: wp.clone(array) for name, array in self._arrays().items()}
+        return type(self)(**copies | {"steps": self.steps.copy(), "unit": self.unit.copy()})
+
+    def assign(self, other: Self) -> None:
+        """Take over the values of another state, of the same shapes and unit; it may be on another device."""
+        self.check(other)
+        for name, array in self._arrays().items():
+            wp.copy(array, getattr(other, name))
+        self.steps[:] = other.steps
+
+    def check(self, other: Self) -> None:
+        """Raise ProblemError where the arrays of another state have other shapes."""
+        for name, array in self._arrays().items():
+            given = getattr(other, name)
+            if given.shape != array.shape:
+                raise ProblemError(f"`{name}` must have shape {array.shape}; got {given.shape}")
+
+    def save(self, path: str | Path) -> None:
+        """Write the state as `.npz`."""
+        np.savez(
+            path, steps=self.steps, unit=self.unit, **{name: array.numpy() for name, array in self._arrays().items()}
+        )
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read what :meth:`save` has written, onto the CPU."""
+        with np.load(path) as stored:
+            arrays: dict[str, Any] = {
+                name: wp.array(stored[name], dtype=kind, device="cpu") for name, kind in cls.KINDS.items()
+            }
+            return cls(**arrays | {"steps": stored["steps"].astype(np.int32), "unit": stored["unit"]})
+
+    def _arrays(self) -> dict[str, wp.array]:
+        return {name: getattr(self, name) for name in self.KINDS}
 
 
 @dataclass(eq=False)
@@ -49,4 +100,54 @@ class State(StateArrays):
         "move": wp.vec4,
         "length_factor": float,
         "target_factor": float,
+    }
+
+
+@dataclass(eq=False)
+class SurfaceState(StateArrays):
+    """The state of a run on a surface: everything that a step changes. Lengths are in the solver's unit (:class:`~.model.Model`).
+
+    Arrays have shape ``[body_count]`` unless another one is given.
+
+    Attributes:
+        facet: Index of the facet that every body is on (:mod:`~esh.engine.surface.facets`), int32.
+        weight: Barycentric weights of that facet's second and third corner, ``wp.vec2``.
+        displacement: Change of the positions in the last step, ``wp.vec3``.
+        move: Change of the positions that the forces asked for in the last step, ``wp.vec3``.
+        axis: Half the axis of every body, a vector along the surface, ``wp.vec3``; 0 for a dot.
+        bend: Offset of every charge perpendicular to its body's axis, float, shape ``[charge_count]``.
+        heading: Rotation of every outline [rad], float. For a line it is measured from its axis; for other bodies from the direction
+            along the surface that is nearest to x, or to y where the surface looks along x.
+        turned: Change of a line's angle and length in the last step, ``wp.vec2``. Of a dot on a crumb (a part of the surface for a few
+            bodies only), the second number is how far it has come.
+        turn: Change of a line's angle and length that the forces asked for, ``wp.vec2``.
+        length_factor: Correction of the lengths of lines for the pressure of their charges, float, one for every kind of line.
+        steps: Steps taken, shape ``[1]``, int32, on the host.
+        unit: Meters per unit of length, shape ``[1]``, on the host.
+    """
+
+    facet: wp.array
+    weight: wp.array
+    displacement: wp.array
+    move: wp.array
+    axis: wp.array
+    bend: wp.array
+    heading: wp.array
+    turned: wp.array
+    turn: wp.array
+    length_factor: wp.array
+    steps: np.ndarray
+    unit: np.ndarray
+
+    KINDS: ClassVar[dict[str, type]] = {
+        "facet": wp.int32,
+        "weight": wp.vec2,
+        "displacement": wp.vec3,
+        "move": wp.vec3,
+        "axis": wp.vec3,
+        "bend": float,
+        "heading": float,
+        "turned": wp.vec2,
+        "turn": wp.vec2,
+        "length_factor": float,
     }

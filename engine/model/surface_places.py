@@ -10,9 +10,9 @@ import warp as wp
 
 from ..device.launcher import Launcher
 from ..errors import ProblemError, Reason, Refusal
+from ..geometry.nearest_on_triangles import corner_weights
+from ..geometry.small_matrices import inverses
 from ..problem.body_kind import radius_of
-from ..problem.nearest_on_triangles import corner_weights
-from ..problem.small_matrices import inverses
 from ..problem.surface import PointsOnSurface
 from ..problem.validation import show
 from ..surface import kernels_facets

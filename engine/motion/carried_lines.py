@@ -6,10 +6,9 @@ import numpy as np
 import warp as wp
 
 from ..model.model import Model
-from ..model.state import State
+from ..model.state import State, SurfaceState
 from ..problem.surface import Surface
 from .line_rules import length_blocks
-from .surface_state import SurfaceState
 
 __all__ = ["carry_bends", "carry_lines", "rows_of_carried_lines"]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,15 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..field.field import Field, FieldTarget
 from ..field.mirrored_field import COPIES, MirroredField
+from ..field.target_feedback import feedback_widths
 from ..model.attraction import group_targets
+from ..model.body_flags import BodyFlags
 from ..model.model import Model
 from ..model.occupied_part import occupied_part
 from ..space.asked_counts import typical_spacing
 from . import kernels_descent
 
-__all__ = ["SMALLEST_DENSITY", "Forces"]
+__all__ = ["SMALLEST_DENSITY", "FieldSettings", "Forces"]
 
 # Curvature and spacing are taken where the density is at least this share of its mean, so that steps stay finite. Measured on a
 # density that falls to a thousandth: 2e-4 and 2e-2 change coverage errors by 0.2 %.
@@ -27,50 +30,56 @@ SMALLEST_DENSITY = 2e-3
 BLUR_OF_TANGLING = 0.03
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FieldSettings:
+    """How the field that forces come from differs from the usual one.
+
+    Attributes:
+        targets: What attracts every group; None for the densities of the problem.
+        fewest_nodes: Of the mesh that shows details of the targets; None for as many as it takes to show all.
+        whole_charge: Charges before fading (see ``engine/tiles/fading.py``), shape ``[charge_count]``; None if none faded.
+        smooth: Width of a blur between two charges over their spacing, with nothing that keeps close pairs apart; None for the blur
+            that places bodies. See :class:`~esh.engine.field.field.Field`.
+    """
+
+    targets: list[FieldTarget] | None = None
+    fewest_nodes: int | None = None
+    whole_charge: np.ndarray | None = None
+    smooth: float | None = None
+
+
 class Forces:
     """The forces on the charges of a model, in the plane.
 
     Args:
         model: The compiled problem.
         launcher: Runs the kernels.
-        targets: What attracts every group; None for the densities of the problem.
-        fewest_nodes: Of the mesh that shows details of the targets; None for as many as it takes to show all.
-        blur_over_spacing: Width of the blur between two charges over their spacing; None for the one that places them.
-        smooth: Whether nothing keeps close pairs apart; see :class:`~esh.engine.field.field.Field`.
-        whole_charge: Charges before fading (see ``engine/tiles/fading.py``), shape ``[charge_count]``; None if none faded.
+        settings: How the field differs from the usual one.
 
     Attributes:
         field: The field; that of a mirrored domain is one of twice its extent, unless all bodies are far from its edges.
         images_of_each: How many times each body is in that field.
+        target_factor: See :attr:`.State.target_factor`.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        launcher: Launcher,
-        *,
-        targets: list[FieldTarget] | None = None,
-        fewest_nodes: int | None = None,
-        blur_over_spacing: float | None = None,
-        smooth: bool = False,
-        whole_charge: np.ndarray | None = None,
-    ) -> None:
+    def __init__(self, model: Model, launcher: Launcher, settings: FieldSettings) -> None:
         problem = model.problem
+        blur_over_spacing = settings.smooth
         if blur_over_spacing is None and model.may_tangle:
             blur_over_spacing = BLUR_OF_TANGLING
         described: dict[str, Any] = {
             "space": model.space,
             "interaction": model.interaction,
-            "targets": group_targets(model) if targets is None else targets,
+            "targets": group_targets(model) if settings.targets is None else settings.targets,
             "spacing": typical_spacing(problem) / model.unit,
             "charge": model.charge.charge,
             "charge_group": model.charge_group,
-            "fewest_nodes": fewest_nodes,
+            "fewest_nodes": settings.fewest_nodes,
             "family": model.groups.class_index,
             "regularity": problem.regularity,
             "blur_over_spacing": blur_over_spacing,
-            "smooth": smooth,
-            "whole_charge": whole_charge,
+            "smooth": settings.smooth is not None,
+            "whole_charge": settings.whole_charge,
         }
         parts = [part for target in described["targets"] for part in (target, *target.more)]
         attracting = [image for part in parts for image in (part.image, part.whole) if image is not None]
@@ -87,6 +96,19 @@ class Forces:
         else:
             self.field = Field(launcher, **described, part=part)
             self.evaluate, self.correct_targets = self.field.evaluate, self.field.correct_targets
+        self._prepare_feedback(model)
+        feedback = self.field.feedback
+        self.target_factor: wp.array = launcher.zeros(0, float) if feedback is None else feedback.factor
+
+    def _prepare_feedback(self, model: Model) -> None:
+        """Make ready for targets that are corrected, unless bodies are pinned: others are not to make up for how those stand."""
+        if (model.body.flags & BodyFlags.PINNED).any():
+            return
+        layout = self.field.layout
+        counts = np.bincount(model.body.group, minlength=self.field.group_count)
+        width = feedback_widths(counts, model.size if layout.whole is layout.space else layout.space.size)
+        if width.any():
+            self.field.prepare_feedback(width)
 
     def step_lengths(self, launcher: Launcher, share: wp.array | None = None) -> wp.array:
         """Return the inverse of the energy's curvature at every node of the field's mesh, flat, one group after the other.

@@ -8,11 +8,11 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
+from ..geometry.small_matrices import inverses
+from ..geometry.unit_vectors import tangent_frame
 from ..model.model import LineKind, Model
 from ..model.surface_places import cells_of
-from ..problem.small_matrices import inverses
 from ..problem.surface_directions import SLOPE, direction_at, down_the_slope
-from ..problem.unit_vectors import tangent_frame
 from ..surface.facets import Facets
 from .line_rules import FIRST_LENGTH, first_length_factors, numbers_for_kernels, pressed_of, weights_of
 

@@ -2,5 +2,5 @@
 
 Also checks values, separates color images into inks, and derives preferred directions. Uses NumPy only, never Warp.
 
-Imports no other room.
+May import ``geometry``.
 """

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import ProblemError
+from ..geometry.nearest_on_triangles import nearest_in
 from . import validation
 from .domain import Domain
 from .fixed_bodies import FixedBodies, FixedBody
 from .footprints import Footprints
-from .nearest_on_triangles import nearest_in
 from .prepared_class import PreparedClass
 from .settings import settle
 from .surface import Surface

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..errors import ProblemError
+from ..geometry.convex_polygon import SHORTEST_EDGE, convex_hull, enclosing_polygon, farthest_points, width_of
 from . import validation
-from .convex_polygon import SHORTEST_EDGE, convex_hull, enclosing_polygon, farthest_points, width_of
 from .settings import Settings, described, setting
 from .validation import FOREIGN_ERRORS, show
 

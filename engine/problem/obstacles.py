@@ -11,9 +11,9 @@ from functools import cached_property
 import numpy as np
 
 from ..errors import ProblemError
+from ..geometry.convex_pieces import convex_pieces
+from ..geometry.convex_polygon import convex_hull, enclosing_polygon
 from . import validation
-from .convex_pieces import convex_pieces
-from .convex_polygon import convex_hull, enclosing_polygon
 from .footprint import MOST_CORNERS, Footprint
 from .settings import Settings, described, setting, settle
 from .validation import show
@@ -320,7 +320,7 @@ class Obstacle(Settings):
         if outline is not None and (self.polygon is None or len(self.polygon) <= MOST_CORNERS):
             return (outline,)
         found = []
-        for corners in () if self.polygon is None else convex_pieces(np.asarray(self.polygon)):
+        for corners in () if self.polygon is None else convex_pieces(np.asarray(self.polygon), MOST_CORNERS):
             # Those without an inside take no ground.
             with contextlib.suppress(ProblemError):
                 found.append(Footprint.polygon(corners, margin))

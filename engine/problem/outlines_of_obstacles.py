@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import ProblemError
+from ..geometry.nearest_on_triangles import corner_weights, nearest_on_triangles
+from ..geometry.unit_vectors import tangent_frame, turned, unit_vectors
 from .footprint import Footprint
-from .nearest_on_triangles import corner_weights, nearest_on_triangles
 from .obstacles import Obstacle
 from .outlines_on_surface import OutlinesOnSurface
 from .surface import Surface
-from .unit_vectors import tangent_frame, turned, unit_vectors
 
 __all__ = ["outlines_of_obstacles"]
 

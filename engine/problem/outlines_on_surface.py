@@ -13,11 +13,11 @@ from weakref import ref
 
 import numpy as np
 
+from ..geometry.outline_distances import OutlineCorners
+from ..geometry.unit_vectors import turned, unit_vectors
 from .footprint import Footprint
 from .one_sheet import LEAST_COSINE, STEEPER
-from .outline_distances import OutlineCorners
 from .surface import PointsOnSurface
-from .unit_vectors import turned, unit_vectors
 
 __all__ = ["OutlinesOnSurface"]
 

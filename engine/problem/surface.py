@@ -13,14 +13,14 @@ from functools import cached_property
 import numpy as np
 
 from ..errors import ProblemError, Reason, Refusal
+from ..geometry.connected import connected
+from ..geometry.connected_triangles import parts_of
+from ..geometry.inward_parts import has_inward_part
+from ..geometry.seams import touching_sides
+from ..geometry.sides import Sides, sides_of
+from ..geometry.smooth_normals import corner_normals, creased_sides, has_blunt_creases
 from . import validation
-from .connected import connected
-from .connected_triangles import parts_of
-from .inward_parts import has_inward_part
-from .seams import touching_sides
 from .settings import settle
-from .sides import Sides, sides_of
-from .smooth_normals import corner_normals, creased_sides, has_blunt_creases
 from .validation import show
 
 __all__ = ["PointsOnSurface", "Surface", "SurfaceMesh"]

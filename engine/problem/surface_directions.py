@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..errors import ProblemError
+from ..geometry.nearest_on_segments import nearest_on_segments
 from . import validation
-from .nearest_on_segments import nearest_on_segments
 from .settings import Settings, described, setting
 from .surface import PointsOnSurface
 from .validation import show

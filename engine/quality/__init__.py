@@ -2,5 +2,5 @@
 
 Everything is measured on the placement alone, independently of the solver, so that a mistake of the solver shows.
 
-May import ``device``, ``field``, ``heat``, ``problem``, ``space``, ``surface`` and ``transforms``.
+May import ``device``, ``field``, ``geometry``, ``heat``, ``problem``, ``space``, ``surface`` and ``transforms``.
 """

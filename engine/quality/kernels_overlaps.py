@@ -376,10 +376,7 @@ def look_into_cell(
     most: int,
 ):
     """What body ``i`` has been found to lie in, and what it lies in of the bodies of a cell."""
-    found = Found()
-    found.count = before.count
-    found.deepest = before.deepest
-    found.partner = before.partner
+    found = before
     for s in range(lattice.start[cell], lattice.start[cell + 1]):
         j = lattice.member[s]
         way = shortest_way(shapes.position[i], shapes.position[j], lattice)

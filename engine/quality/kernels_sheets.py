@@ -218,10 +218,7 @@ def take_some(
 @wp.func
 def with_overlap(before: Found, i: int, j: int, sheets: Sheets, shapes: Shapes, tolerance: wp.float64, most: int):
     """What body ``i`` has been found to lie in, and whether it lies in body ``j``."""
-    found = Found()
-    found.count = before.count
-    found.deepest = before.deepest
-    found.partner = before.partner
+    found = before
     counts = not may_overlap(i, j, shapes)
     seen = see_each_other(sheets.sheet[i], sheets.sheet[j], sheets.sheet, sheets.relations)
     if j != i and found.count < most and counts and seen:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..problem.unit_vectors import spread_directions, tangent_frame, unit_vectors
+from ..geometry.unit_vectors import spread_directions, tangent_frame, unit_vectors
 from .close_boxes import close_boxes
 from .nearest_to_origin import nearest_to_origin
 

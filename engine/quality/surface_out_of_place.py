@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..device.launcher import Launcher
+from ..geometry.outline_distances import distance_from_outline
 from ..problem.body_footprints import CAPSULE, BodyFootprints
-from ..problem.outline_distances import distance_from_outline
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
 from .bodies_on_surface import BodiesOnSurface, bodies_at, bodies_on_surface

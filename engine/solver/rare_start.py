@@ -16,6 +16,7 @@ from ..descent.descent import Descent
 from ..descent.final_placement import position_in_meters
 from ..device.launcher import Launcher
 from ..model.model import Model
+from ..motion.forces import FieldSettings
 from ..problem.domain import Domain
 from ..problem.obstacles import Obstacle
 from ..problem.problem import Problem
@@ -47,7 +48,7 @@ def rare_starts(launcher: Launcher, problem: Problem) -> np.ndarray | None:
         if result is None:
             result = np.full((problem.body_count, 2), np.nan)
         model = Model(rare)
-        descent = Descent(model, launcher, fewest_nodes=FEWEST_NODES)
+        descent = Descent(model, launcher, field_settings=FieldSettings(fewest_nodes=FEWEST_NODES))
         there = ~np.isnan(result[own, 0])
         if there.any():
             pose = descent.state.pose.numpy().copy()

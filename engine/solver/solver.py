@@ -5,70 +5,46 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from types import TracebackType
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..descent.convergence import LAST_STEPS, TOLERANCE, is_settled
 from ..descent.descent import Descent
 from ..descent.surface_descent import SurfaceDescent
-from ..descent.surface_least_spacing import keep_least_spacing
-from ..descent.surface_placement import points_of
 from ..device.devices import resolve_device
 from ..device.launcher import Launcher
 from ..device.profile import Profile
-from ..edits.carried_descent import carried_poses, carry_turns, go_on_from
-from ..edits.edit import EditInPlane, in_order
-from ..edits.given_places import checked_identities, checked_places, given_outlines, given_poses, lay_outlines
-from ..edits.plane_settling import settle_in_plane
-from ..edits.spread import Spreading
-from ..edits.surface_edit import carry_over_on_surface
-from ..edits.surface_settling import settle_on_surface
-from ..edits.surface_spreading import SpreadingOnSurface
+from ..edits.edit import in_order
+from ..edits.given_places import checked_identities, checked_places, given_outlines
 from ..errors import ProblemError, Reason, Refusal
 from ..heat.heat_mesh import HeatMeshes
-from ..model.body_flags import BodyFlags, checked_flags
-from ..model.carried_over import CarriedInPlane, CarriedOver
-from ..model.identities_of_fixed import identities_of_fixed
+from ..model.body_flags import checked_flags
 from ..model.looking import LOOKS_AWAY, angle_within, looks_at_point, somebody_looks
 from ..model.memory import check_memory
 from ..model.model import Model
-from ..model.natural_border import STEPS_WITHIN, Kept, NaturalBorder, smoothing
-from ..model.state import State
-from ..model.state_arrays import StateArrays
-from ..model.surface_places import PlacesOnSurface, spots_of_places
-from ..motion.carried_lines import carry_lines
-from ..motion.surface_state import SurfaceState
-from ..problem.domain import Domain
+from ..model.state import State, SurfaceState
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.surface import Surface
 from ..problem.validation import check_count, check_is, check_progress
-from ..space.part import Part
-from .choice_of_start import choose_start, number_of_starts
-from .ink import with_widths
+from .bookmarks import Bookmark
+from .placing import CLOSED, GivenPlaces
+from .placing_in_plane import PlacingInPlane
+from .placing_on_surface import PlacingOnSurface
 from .progress import Progress, is_stop
-from .rare_start import rare_starts, start_some
-from .surface_rare_start import rare_start_on_surface
 
-__all__ = ["Bookmark", "Edit", "Solver"]
+__all__ = ["Edit", "Solver"]
 
 # Message of the error that is raised when forces overflow float32, although the problem was checked before.
 OVERFLOW = (
     "the forces between the bodies are no longer finite numbers: areas, lengths and `size_emphasis` lie too far apart; bring them "
     "nearer to each other"
 )
-CLOSED = "this Solver has given its last placement, or was closed; make another one to go on"
-# Targets are corrected after these shares of a run's steps, and only in runs of at least so many steps.
-CORRECTED_AFTER = (0.3, 0.5, 0.7, 0.85, 0.93)
-FEWEST_CORRECTED = 40
 # Steps after an edit, behind those in which bodies settle.
 EDIT_STEPS = 5
-# If an edit changes the number of charges by more than this factor, up or down, the model gets another unit of length.
-MOST_GROWTH = 1.5
 # Steps on a GPU between two readings of the residual, if there is no progress callback.
 STEPS_UNWATCHED = 50
 # Bodies whose class looks at a point are turned towards it and parted again at most so many times. In crowds some body is always moved
@@ -90,21 +66,6 @@ class Edit(NamedTuple):
     steps: int
 
 
-@dataclass(frozen=True, eq=False)
-class Bookmark:
-    """A solver's problem and bodies at some point, kept so that it can return there: see :meth:`Solver.bookmark`.
-
-    Attributes:
-        model: The compiled problem.
-        descent: The descent, with the state of the bodies.
-        next_identity: The identity that the next new body would have got.
-    """
-
-    model: Model
-    descent: Descent | SurfaceDescent
-    next_identity: int
-
-
 class Solver:
     """Places the bodies of a problem, step by step; :func:`~esh.engine.solve.solve` does all of it at once.
 
@@ -121,9 +82,7 @@ class Solver:
         at: Arguments of :meth:`start_at` by name. The same as calling that method next, in half the time.
 
     Attributes:
-        model: The compiled problem.
         launcher: Runs the kernels, on threads or on a GPU.
-        descent: The bodies' state, and the kernels that one step launches.
 
     Raises:
         ProblemError: The problem does not fit into memory.
@@ -153,75 +112,35 @@ class Solver:
         self.launcher = launcher or Launcher(resolve_device(device), profile)
         self._is_shared, self._closed = launcher is not None, False
         self._left_at: np.ndarray | None = None
-        self._bookmarks: list[Bookmark] = []
         try:
             check_is(problem, Problem, "`problem`")
+            placing = PlacingOnSurface if isinstance(problem.domain, Surface) else PlacingInPlane
             if state is not None:
-                check_is(state, SurfaceState if isinstance(problem.domain, Surface) else State, "`state`")
+                check_is(state, placing.STATE, "`state`")
             if flags is not None:
                 flags = checked_flags(flags, problem.body_count)
             check_memory(problem)
             with self.launcher.phase("set-up"):
-                self.model = placed = Model(problem, flags)
-                on_surface = isinstance(problem.domain, Surface)
-                afresh = state is None and flags is None and at is None
-                self._border: NaturalBorder | None = None
-                if afresh and isinstance(problem.domain, Domain) and problem.domain.natural:
-                    self._border = NaturalBorder(self.launcher, problem)
-                    problem = self._border.problem
-                    check_memory(problem)
-                    placed = Model(problem)
-                rare = None
-                self.descent: Descent | SurfaceDescent
-                self._spreading = SpreadingOnSurface()
-                self._spreads, self._next_identity = 0, int(self.model.body.identity.max()) + 1
+                self._placing: PlacingInPlane | PlacingOnSurface = placing(Model(problem, flags), self.launcher)
                 if at is not None:
                     self.start_at(**at)
-                elif on_surface:
-                    start = rare_start_on_surface(self.launcher, problem) if afresh else None
-                    self.descent = SurfaceDescent(placed, self.launcher, start)
                 else:
-                    # Of a few bodies the best of several starts is found.
-                    if afresh and number_of_starts(placed) < 2:
-                        rare = rare_starts(self.launcher, problem)
-                    self.descent = Descent(placed, self.launcher)
+                    self._placing.start(afresh=state is None and flags is None)
                 if state is not None:
-                    self.start_from(state)
-                elif rare is not None:
-                    assert isinstance(self.descent, Descent)
-                    start_some(self.descent, rare)
+                    self._placing.start_from(state)
         except BaseException:
             self.close()
             raise
 
-    def _cut(self) -> None:
-        """With a natural border, drop the bodies beyond it and even out the charge along the cut. Does nothing the second time."""
-        if self._border is None:
-            return
-        with self.launcher.phase("border"):
-            border, kept, before = self._border, self._cut_position(), self.descent
-            assert isinstance(before, Descent)
-            self._border = None
-            blur, steps = smoothing(self.model.charge.charge)
-            smooth = go_on_from(before, self.model, kept.position, kept.source, turned=border.turn, smooth=blur)
-            smooth.step.play(steps)
-            position = smooth.positions()
-            close = position[smooth.close_bodies()]
-            self.descent = go_on_from(smooth, self.model, position, np.arange(self.model.body_count), close=close)
-            self.descent.step.play(STEPS_WITHIN)
+    @property
+    def model(self) -> Model:
+        """The compiled problem."""
+        return self._placing.model
 
-    def _leave_beyond(self) -> bool:
-        """With a natural border, discard all bodies placed so far, as new positions follow; return whether there was a border."""
-        if self._border is None:
-            return False
-        self._border = None
-        self.launcher.release(self.descent.step)
-        return True
-
-    def _cut_position(self) -> Kept:
-        """Which bodies are within a natural border, and where."""
-        assert self._border is not None and isinstance(self.descent, Descent)
-        return self._border.cut(self.descent.positions(), self.model)
+    @property
+    def descent(self) -> Descent | SurfaceDescent:
+        """The bodies' state, and the kernels that one step launches."""
+        return self._placing.descent
 
     def edit(self, problem: Problem, *, steps: int = EDIT_STEPS) -> Edit:
         """Continue with another problem in the same domain, from where the bodies are.
@@ -245,98 +164,19 @@ class Solver:
         """
         self._check_open()
         check_is(problem, Problem, "`problem`")
-        self._cut()
-        domain = self.model.problem.domain
-        if isinstance(domain, Surface) and problem.domain is not domain:
-            raise ProblemError("`domain` must stay the same Surface in an edit; got another one")
-        if problem.domain != domain:
-            raise ProblemError(f"`domain` must stay what it was in an edit, {domain}; got {problem.domain}")
+        placing = self._placing
+        placing.cut()
+        placing.check_domain(problem)
         check_memory(problem)
         with self.launcher.phase("set-up"):
-            if isinstance(self.descent, SurfaceDescent):
-                added, removed, take_steps = self._edit_on_surface(problem, self.descent)
-            else:
-                before = self.model
-                carried = self._edit_in_rectangle(problem, self.descent)
-                added, removed = carried.came, carried.went
-                take_steps = partial(settle_in_plane, self.descent, carried, before)
-        self._next_identity = max(self._next_identity, int(added.max(initial=-1)) + 1)
+            added, removed, settle = placing.edit(problem)
+        placing.next_identity = max(placing.next_identity, int(added.max(initial=-1)) + 1)
         if steps:
-            take_steps(steps)
+            settle(steps)
             self._stepped(steps)
         if steps or problem.avoid_overlap:
             self.separate(again=True)
         return Edit(in_order(added), in_order(removed), steps)
-
-    def _edit_on_surface(
-        self, problem: Problem, before_edit: SurfaceDescent
-    ) -> tuple[np.ndarray, np.ndarray, Callable[[int], None]]:
-        """Make a model and a descent of what is to be placed now.
-
-        Returns the identities of bodies that are new, and gone; and what takes the steps after the edit.
-        """
-        before, old = self.model, before_edit.state
-        model = Model(problem, unit=before.unit)
-        self._name_fixed(before, model)
-        points = points_of(self.launcher, before_edit.facets, old)
-        self._spreads += 1
-        rng = np.random.default_rng([problem.seed, 4, self._spreads])
-        made: list[tuple[CarriedOver, np.ndarray]] = []
-
-        def start(new: SurfaceDescent) -> None:
-            carried, spots = carry_over_on_surface(
-                before, points, model, new.facets, new.share, self._next_identity, rng, self._spreading
-            )
-            model.carry(before, carried)
-            made.append((carried, new.take_over(carried.source, spots, before, old)))
-
-        descent = SurfaceDescent(model, self.launcher, start, before_edit)
-        # Not before: what is refused leaves the solver as it is.
-        self._let_go(before_edit)
-        self.model, self.descent = model, descent
-        carried, stood = made[0]
-        take_steps = partial(settle_on_surface, self.descent, stood, carried.left)
-        return model.body.identity[carried.source < 0], before.body.identity[carried.gone], take_steps
-
-    def _edit_in_rectangle(self, problem: Problem, before_edit: Descent) -> CarriedInPlane:
-        """The same in the plane."""
-        before = self.model
-        ratio = problem.charge_count / before.charge_count
-        model = Model(problem, unit=before.unit if 1.0 / MOST_GROWTH < ratio < MOST_GROWTH else None)
-        self._name_fixed(before, model)
-        old = before_edit.state
-        edit = EditInPlane(self.launcher, before, old.pose, model, self._spread)
-        natural = problem.rectangle.natural
-        if model.kinds or model.footprints.has_outlines or before.body.flagged or natural:
-            carried = edit.finish(self._next_identity)
-            model.carry(before, carried)
-            descent = Descent(
-                model,
-                self.launcher,
-                pose=carried_poses(before, old, model, carried),
-                stirred=carried.pose.numpy()[carried.new, :2] if natural else None,
-            )
-            if before.kinds and model.kinds:
-                carry_lines(before, old, model, descent.state, carried.source)
-            carry_turns(before, old, model, descent.state, carried)
-        else:
-            # All that such bodies bring with them is where they are: the rest is made while a GPU spreads points.
-            descent = Descent(model, self.launcher, pose=edit.pose)
-            carried = edit.finish(self._next_identity)
-            model.carry(before, carried)
-        descent.take_over_targets(before_edit)
-        self._let_go(self.descent)
-        self.model, self.descent = model, descent
-        descent.place_charges()
-        return carried
-
-    def _name_fixed(self, before: Model, model: Model) -> None:
-        """Give the fixed bodies of an edit's model identities that nobody else has."""
-        if model.has_fixed:
-            fixed, self._next_identity = identities_of_fixed(before, model, self._next_identity)
-            identity = model.body.identity.copy()
-            identity[model.fixed] = fixed
-            model.body = replace(model.body, identities=identity)
 
     def bookmark(self) -> Bookmark:
         """Return a bookmark of the problem and its bodies, which :meth:`go_back` returns to after any number of edits.
@@ -344,9 +184,9 @@ class Solver:
         It keeps the memory that steps need, until it is dropped or the solver is closed. It does not copy the bodies: steps taken
         before the next edit move those of the bookmark, too.
         """
-        self._cut()
-        self._bookmarks.append(Bookmark(self.model, self.descent, self._next_identity))
-        return self._bookmarks[-1]
+        placing = self._placing
+        placing.cut()
+        return placing.bookmarks.add(Bookmark(placing.model, placing.descent, placing.next_identity))
 
     def go_back(self, bookmark: Bookmark) -> None:
         """Return to the problem and the bodies of a bookmark. Takes no time, as nothing is compiled or computed again.
@@ -354,13 +194,9 @@ class Solver:
         Raises:
             ProblemError: It is another solver's, or was dropped.
         """
-        self._check_bookmark(bookmark)
-        self._border, before = None, self.descent
-        self.model, self.descent = bookmark.model, bookmark.descent
-        # Who came since has an identity that nobody else gets.
-        self._next_identity = max(self._next_identity, bookmark.next_identity)
-        if before is not self.descent:
-            self._let_go(before)
+        self._check_open()
+        self._placing.bookmarks.check(bookmark)
+        self._placing.return_to(bookmark)
 
     def drop(self, bookmark: Bookmark) -> None:
         """Delete a bookmark and release its memory.
@@ -368,21 +204,8 @@ class Solver:
         Raises:
             ProblemError: It is another solver's, or was dropped.
         """
-        self._check_bookmark(bookmark)
-        self._bookmarks = [one for one in self._bookmarks if one is not bookmark]
-        if bookmark.descent is not vars(self).get("descent"):
-            self._let_go(bookmark.descent)
-
-    def _check_bookmark(self, bookmark: object) -> None:
         self._check_open()
-        check_is(bookmark, Bookmark, "`bookmark`")
-        if all(one is not bookmark for one in self._bookmarks):
-            raise ProblemError("`bookmark` must be one of this Solver that was not dropped")
-
-    def _let_go(self, descent: Descent | SurfaceDescent) -> None:
-        """Release a descent that this solver does not need, unless a bookmark holds it."""
-        if all(one.descent is not descent for one in self._bookmarks):
-            self.launcher.release(descent.step)
+        self._placing.drop(bookmark)
 
     @property
     def state(self) -> State | SurfaceState:
@@ -390,23 +213,12 @@ class Solver:
 
         With a natural border, this drops the bodies beyond it, as :meth:`placement` does.
         """
-        self._cut()
+        self._placing.cut()
         return self.descent.state
 
     def start_from(self, state: State | SurfaceState) -> None:
         """Continue from another state of the same problem; its values are copied."""
-        if self._leave_beyond():
-            self.descent = Descent(self.model, self.launcher)
-        on_surface = isinstance(self.descent, SurfaceDescent)
-        check_is(state, SurfaceState if on_surface else State, "`state`")
-        own: StateArrays = self.descent.state
-        own.check(state)
-        if state.unit[0] != self.model.unit:
-            # One that has seen edits may be in that of the problem before them.
-            self._let_go(self.descent)
-            self.model = self.model.in_unit(float(state.unit[0]))
-            self.descent = (SurfaceDescent if on_surface else Descent)(self.model, self.launcher)
-        self.descent.continue_from(state)
+        self._placing.start_from(state)
 
     def start_at(
         self,
@@ -443,40 +255,10 @@ class Solver:
         if identity is not None:
             identity = checked_identities(model, identity)
             model.body = replace(model.body, identities=identity)
-            self._next_identity = int(identity.max()) + 1
+            self._placing.next_identity = int(identity.max()) + 1
         if variant is not None or scale is not None:
             model.take_outlines(given_outlines(model, variant, scale))
-        before = vars(self).get("descent")
-        if not isinstance(model.problem.domain, Surface):
-            # Of those that are placed beyond a border, too, nothing is known here.
-            self._start_in_rectangle(None if self._leave_beyond() else before, position, angle, length)
-            return
-        if before is not None:
-            self._let_go(before)
-        n = model.body_count
-        known = PlacesOnSurface(
-            position,
-            np.zeros(n, np.int64),
-            np.full(n, -1) if triangle is None or barycentric is None else triangle,
-            np.zeros((n, 3)) if barycentric is None else barycentric,
-        )
-
-        def start(new: SurfaceDescent) -> None:
-            new.put_at(spots_of_places(self.launcher, new.facets, known, "`position`"), angle, length)
-
-        self.descent = SurfaceDescent(model, self.launcher, start)
-
-    def _start_in_rectangle(
-        self, before: Descent | None, position: np.ndarray, angle: np.ndarray | None, length: np.ndarray | None
-    ) -> None:
-        """See :meth:`start_at`."""
-        pose = given_poses(self.model, position, angle, length, None if before is None else before.state)
-        if before is not None:
-            self._let_go(before)
-        self.descent = Descent(self.model, self.launcher, pose=pose)
-        if angle is not None:
-            lay_outlines(self.descent, angle)
-        self.descent.place_charges()
+        self._placing.start_at(GivenPlaces(position, angle, length, triangle, barycentric))
 
     def step(self, count: int = 1) -> float:
         """Take ``count`` steps, and return the residual after the last one: see :attr:`Progress.residual`.
@@ -507,7 +289,7 @@ class Solver:
         check_progress(progress)
         residuals: deque[float] = deque(maxlen=LAST_STEPS)
         step = 0
-        corrections = self._corrections(max_steps)
+        corrections = self._placing.corrections(max_steps)
         while step < max_steps:
             until = corrections[0] if corrections else max_steps
             # Without a progress callback, many steps run without returning to Python, and a GPU's residual is not read after each.
@@ -531,21 +313,15 @@ class Solver:
             rests = residual < TOLERANCE and step > 1
             if corrections and (rests or step >= until):
                 del corrections[0]
-                self.descent.correct_targets()
+                self._placing.descent.correct_targets()
             elif rests:
                 return step, True
         return max_steps, step > 1 and is_settled(self.model, float(np.median(residuals)))
 
-    def _corrections(self, max_steps: int) -> list[int]:
-        """After which steps of a run the targets are corrected, in their order; sooner where bodies have come to rest."""
-        if max_steps < FEWEST_CORRECTED or not self.descent.corrects_targets:
-            return []
-        return [round(share * max_steps) for share in CORRECTED_AFTER]
-
     @property
     def heat(self) -> HeatMeshes | None:
         """Meshes for smoothing along the surface, which the report can use again; None in the plane."""
-        return self.descent.heat if isinstance(self.descent, SurfaceDescent) else None
+        return self._placing.heat
 
     def choose_start(self, max_steps: int, progress: Callable[[Progress], bool | None] | None = None) -> int:
         """With few bodies, choose the one of several starts from which the least energy is reached; see :mod:`.choice_of_start`.
@@ -557,15 +333,12 @@ class Solver:
         Returns:
             Number of the chosen start. 0 is the first one, which all runs of many bodies use.
         """
-        descent = self.descent
-        if not isinstance(descent, Descent):
-            return 0
 
         def go_on() -> bool:
             assert progress is not None
-            return not is_stop(progress(Progress(0, max_steps, descent.direction.residual(), self._position)))
+            return not is_stop(progress(Progress(0, max_steps, self.descent.direction.residual(), self._position)))
 
-        return choose_start(descent, max_steps, TOLERANCE, None if progress is None else go_on)
+        return self._placing.choose_start(max_steps, None if progress is None else go_on)
 
     def separate(self, go_on: Callable[[], bool] | None = None, *, again: bool = False) -> bool:
         """Part outlines that still overlap, if the problem avoids overlap. On a surface, part bodies of a class that are too close.
@@ -577,10 +350,9 @@ class Solver:
         Returns:
             Whether no outlines overlap that are to keep apart; True if the problem allows overlap.
         """
-        self._cut()
+        self._placing.cut()
         self._face(0.0)
-        if isinstance(self.descent, SurfaceDescent):
-            keep_least_spacing(self.descent, go_on)
+        self._placing.keep_least_spacing(go_on)
         if self.descent.contact is None or not self.model.problem.avoid_overlap:
             return True
         with self.launcher.phase("contact"):
@@ -619,17 +391,12 @@ class Solver:
         Raises:
             ProblemError: A position is not finite.
         """
-        self._cut()
+        self._placing.cut()
         placement = self.descent.placement()
         # A single position that is not finite makes the sum not finite.
         if not np.isfinite(placement.position.sum()):
             raise ProblemError(OVERFLOW, Refusal(Reason.FORCES_NOT_FINITE, 1, 0))
-        drawn = bool(self.model.kinds) and not isinstance(self.model.problem.domain, Surface)
-        # Ghosts cover ground but are not in the placement, so widths would come out wrong; bodies that keep apart need no correction.
-        if drawn and not self.model.problem.avoid_overlap and not (self.model.body.flags & BodyFlags.GHOST).any():
-            with self.launcher.phase("widths"):
-                placement = replace(placement, width=with_widths(placement, self.launcher))
-        return placement
+        return self._placing.finished(placement)
 
     def last_placement(self) -> Placement:
         """Return :meth:`placement`, and release the memory that steps need, so that the report can use it.
@@ -639,19 +406,16 @@ class Solver:
         placement = self.placement()
         # Whoever was told how the run goes may ask where bodies are even now.
         self._left_at = placement.position
-        self._let_go(self.descent)
-        del self.descent
+        self._placing.let_go()
         return placement
 
     def close(self) -> None:
         """Release memory and threads; a ``launcher`` that was passed in stays open. See :class:`Solver` for what fails afterwards."""
         if self._closed:
             return
-        for bookmark in self._bookmarks.copy():
-            self.drop(bookmark)
-        if "descent" in vars(self):
-            self.launcher.release(self.descent.step)
-            del self.descent
+        # It may have failed before there was any.
+        if placing := vars(self).get("_placing"):
+            placing.close()
         if not self._is_shared:
             self.launcher.close()
         self._closed = True
@@ -659,12 +423,6 @@ class Solver:
     def _check_open(self) -> None:
         if self._closed:
             raise ProblemError(CLOSED)
-
-    def __getattr__(self, name: str) -> NoReturn:
-        # Only what is missing is asked for here.
-        if name == "descent":
-            raise ProblemError(CLOSED)
-        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def __enter__(self) -> Solver:
         return self
@@ -674,18 +432,5 @@ class Solver:
     ) -> None:
         self.close()
 
-    def _spread(
-        self, densities: list[np.ndarray], counts: list[int], part: Part | None
-    ) -> Callable[[], list[np.ndarray]]:
-        # Equal edits one after the other are to differ.
-        self._spreads += 1
-        problem = self.model.problem
-        seed = int(np.random.default_rng([problem.seed, 4, self._spreads]).integers(1 << 31))
-        return Spreading(self.launcher, problem.rectangle, densities, counts, seed, part).points
-
     def _position(self) -> np.ndarray:
-        if self._left_at is not None:
-            return self._left_at.copy()
-        if self._border is not None:
-            return self._cut_position().position
-        return self.descent.positions()
+        return self._placing.positions() if self._left_at is None else self._left_at.copy()

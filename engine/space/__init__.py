@@ -3,5 +3,5 @@
 The space itself, which says what happens at the edges (``space.py``), density images, layouts of meshes, sorting into cells, and
 the search for neighbors.
 
-May import ``device``, ``problem`` and ``transforms``.
+May import ``device``, ``geometry``, ``problem`` and ``transforms``.
 """

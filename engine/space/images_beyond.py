@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..device.launcher import Launcher
-from ..problem.connected import connected_pixels
+from ..geometry.connected import connected_pixels
 from .support import depth_in_support, nearest_in_support
 
 __all__ = ["AxisBeyond", "DensityBeyond", "KnownWays", "density_beyond", "image_beyond"]

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from ..device.launcher import Launcher
-from ..problem.connected import connected, connected_pixels
-from ..problem.morton_order import morton_order
+from ..geometry.connected import connected, connected_pixels
+from ..geometry.morton_order import morton_order
 from .space import Space
 from .support import nearest_in_support
 

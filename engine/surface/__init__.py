@@ -3,5 +3,5 @@
 A mesh seen from above gets a *chart*, which ties the rectangular domain to it (``chart.py``). A whole surface that bodies are
 placed on is cut into *facets* (``facets.py``); other files find which of its parts touch or stand on one another.
 
-May import ``device`` and ``problem``.
+May import ``device``, ``geometry`` and ``problem``.
 """

@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS
-from ..problem.connected import connected
+from ..geometry.connected import connected
 from . import kernels_continuations
 from .surface_edges import Places, SurfaceEdges
 

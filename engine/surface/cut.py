@@ -14,7 +14,7 @@ import warp as wp
 
 from ..device.launcher import Launcher
 from ..device.running_sum import running_sum
-from ..problem.smooth_normals import bent_sides
+from ..geometry.smooth_normals import bent_sides
 from ..problem.surface import Surface
 from . import kernels_cut
 

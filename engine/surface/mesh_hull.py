@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..problem.unit_vectors import spread_directions
+from ..geometry.unit_vectors import spread_directions
 from .triangle_mesh import TriangleMesh
 
 __all__ = ["MOST_CORNERS", "hull_corners"]

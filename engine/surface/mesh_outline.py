@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..problem.convex_polygon import convex_hull
+from ..geometry.convex_polygon import convex_hull
 from .top_view import TopView
 from .triangle_mesh import TriangleMesh
 

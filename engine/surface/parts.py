@@ -9,9 +9,9 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
-from ..problem.connected import connected
+from ..geometry.connected import connected
+from ..geometry.unit_vectors import unit_vectors
 from ..problem.surface import Surface
-from ..problem.unit_vectors import unit_vectors
 from . import kernels_facets
 from .continuations import continued_parts
 from .edge_places import places_along

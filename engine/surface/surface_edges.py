@@ -9,8 +9,8 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
+from ..geometry.unit_vectors import unit_vectors
 from ..problem.surface import Surface
-from ..problem.unit_vectors import unit_vectors
 from . import kernels_continuations
 from .cut import bits_of_sides
 from .edge_places import places_along

@@ -13,10 +13,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..problem.nearest_on_triangles import nearest_on_triangles
+from ..geometry.nearest_on_triangles import nearest_on_triangles
+from ..geometry.unit_vectors import unit_vectors
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface, SurfaceMesh
-from ..problem.unit_vectors import unit_vectors
 from .lattices import Lattices
 from .near_surface import NearSurface
 from .surface_points import SurfacePoints

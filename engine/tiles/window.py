@@ -16,6 +16,7 @@ from ..model.looking import LOOKS_AWAY, angle_within
 from ..model.model import Model
 from ..model.natural_border import SMOOTH_OVER_SPACING, SMOOTH_STEPS, STEPS_WITHIN
 from ..model.state import State
+from ..motion.forces import FieldSettings
 from ..motion.line_rules import length_blocks
 from ..problem.random_numbers import random_shares
 from .beyond import Beyond, beyond_of, kept_within
@@ -104,7 +105,7 @@ class _Room:
         margin: How far from its cuts bodies are pinned [m].
         taper: Over how far from them everything fades [m].
         images: Densities there, where these are others than the plan's.
-        smooth: See :class:`.Descent`.
+        smooth: See :class:`.FieldSettings`.
     """
 
     box: Box
@@ -142,10 +143,7 @@ def _settle(
             model,
             launcher,
             pose=pose,
-            targets=targets,
-            whole_charge=whole_charge,
-            smooth=room.smooth,
-            begins_short=room.smooth is not None,
+            field_settings=FieldSettings(targets=targets, whole_charge=whole_charge, smooth=room.smooth),
         )
         factors = _LengthFactors.of(plan, model, present)
         factors.give(length_factor, descent.state)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import bpy
 import numpy as np
 
-from ...engine.problem.unit_vectors import unit_vectors
+from ...engine.geometry.unit_vectors import unit_vectors
 from ...engine.surface.surface_points import SurfacePoints
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ..targets.subdivision import Subdivision

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...engine.geometry.unit_vectors import unit_vectors
 from ...engine.problem.placement import Placement
 from ...engine.problem.slopes import LEVEL
-from ...engine.problem.unit_vectors import unit_vectors
 from ...engine.quality.solids import TOLERANCE, Solids, depths, meeting, meeting_pairs
 from ...engine.surface.instances import rotate
 from .result_points import ResultPoints

@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
+from ...engine.geometry.unit_vectors import tangent_frame, unit_vectors
 from ...engine.problem.fixed_bodies import FixedBodies
-from ...engine.problem.unit_vectors import tangent_frame, unit_vectors
 from ..targets.mesh_attributes import read_attribute
 from .attributes import (
     BODY_ANGLE,

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-from ...engine.problem.unit_vectors import unit_vectors
+from ...engine.geometry.unit_vectors import unit_vectors
 from ...engine.surface.instances import body_rotations, rotate
 from ..targets.depsgraph import evaluated_depsgraph
 from ..targets.evaluated_mesh import evaluated_mesh, in_world, vertices_in_world

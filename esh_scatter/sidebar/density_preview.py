@@ -14,7 +14,7 @@ import numpy as np
 from bpy.props import BoolProperty
 
 from ...engine.errors import EshError
-from ...engine.problem.morton_order import morton_order
+from ...engine.geometry.morton_order import morton_order
 from ...engine.problem.scatter_settings import TargetSettings
 from ..densities.density_stack import ClassDensity, DensityLayer, DensityStack
 from ..properties.described import values_from

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from ...engine.solver.solver import Bookmark, Solver
+from ...engine.solver.bookmarks import Bookmark
+from ...engine.solver.solver import Solver
 
 if TYPE_CHECKING:
     from .job import ScatterJob

@@ -15,7 +15,8 @@ from ...engine.problem.placement import Placement
 from ...engine.problem.problem import Problem
 from ...engine.problem.surface import Surface
 from ...engine.quality.measurement import measure
-from ...engine.solver.solver import Bookmark, Solver
+from ...engine.solver.bookmarks import Bookmark
+from ...engine.solver.solver import Solver
 from ..classes.survey import Survey
 from ..result.words import EVEN, unevenness
 from .earlier_results import MOST_BODIES_EARLIER, EarlierResult, EarlierResults

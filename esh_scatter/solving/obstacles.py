@@ -15,8 +15,8 @@ import bpy
 import numpy as np
 
 from ...engine.errors import ProblemError
+from ...engine.geometry.convex_polygon import convex_hull, enclosing_polygon, width_of
 from ...engine.problem.clumps import occupied
-from ...engine.problem.convex_polygon import convex_hull, enclosing_polygon, width_of
 from ...engine.problem.footprint import MOST_CORNERS
 from ...engine.problem.obstacles import Obstacle
 from ...engine.problem.prepared_class import PreparedClass

@@ -559,7 +559,7 @@ def test_live_goes_on_from_an_edited_result_when_it_is_switched_on_again(on_ball
 
 
 def test_the_nearest_point_of_a_surface_is_that_of_all_triangles():
-    from esh.engine.problem.nearest_on_triangles import nearest_in
+    from esh.engine.geometry.nearest_on_triangles import nearest_in
 
     random = np.random.default_rng(2)
     corner, point = random.normal(size=(200, 3, 3)), np.array([0.4, -0.3, 0.2])

@@ -223,14 +223,15 @@ OF_SCRIPTS = {
     "problem/problem.py Problem.__init__": 3,
     "problem/problem.py Problem._with_fixed": 2,
     "problem/problem.py Problem.rectangle": 1,
-    "solver/solver.py Solver._check_bookmark": 1,
-    "solver/solver.py Solver.__getattr__": 1,
+    "solver/bookmarks.py Bookmarks.check": 1,
+    "solver/placing.py Placing.descent": 1,
+    "solver/placing.py Placing.check_domain": 1,
+    "solver/placing_on_surface.py PlacingOnSurface.check_domain": 1,
     "solver/solver.py Solver._check_open": 1,
-    "solver/solver.py Solver.edit": 2,
     "edits/given_places.py checked_places": 1,
     "edits/given_places.py checked_identities": 1,
     "model/body_flags.py checked_flags": 1,
-    "model/state_arrays.py StateArrays.check": 1,
+    "model/state.py StateArrays.check": 1,
 }
 # What Blender's side asks for by names, which these sentences say: UV maps, vertex groups, attributes.
 IN_WORDS_OF_BLENDER = {

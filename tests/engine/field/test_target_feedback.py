@@ -13,7 +13,7 @@ from esh.engine.problem.fixed_bodies import FixedBodies
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
-from esh.engine.solver import solver as solver_file
+from esh.engine.solver import placing
 from esh.engine.solver.solver import Solver
 from scipy.ndimage import gaussian_filter
 
@@ -65,7 +65,7 @@ def test_bodies_are_as_dense_as_asked_over_some_spacings(monkeypatch, boundary, 
         return np.mean([off_at_large(problem_of(density, boundary, seed=seed), density, spacings) for seed in range(3)])
 
     corrected = off()
-    monkeypatch.setattr(solver_file, "CORRECTED_AFTER", ())
+    monkeypatch.setattr(placing, "CORRECTED_AFTER", ())
     assert corrected < most * off()
 
 
@@ -73,7 +73,7 @@ def test_what_is_near_is_as_even_as_before(monkeypatch):
     found = {}
     for corrected in (True, False):
         if not corrected:
-            monkeypatch.setattr(solver_file, "CORRECTED_AFTER", ())
+            monkeypatch.setattr(placing, "CORRECTED_AFTER", ())
         found[corrected] = [
             np.mean([error(problem_of(d, b, seed=seed), d, 1.0) for seed in range(3)])
             for d, b in ((WAVE, "periodic"), (HILL, "open"), (HILL, "mirror"))

@@ -10,9 +10,9 @@ import trimesh
 import warp as wp
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
+from esh.engine.geometry.nearest_on_triangles import nearest_on_triangles
 from esh.engine.heat.heat_mesh import HeatMesh
 from esh.engine.heat.split_triangles import even_triangles, split_triangles
-from esh.engine.problem.nearest_on_triangles import nearest_on_triangles
 from scipy.spatial import cKDTree
 
 NEAR = 1e-3

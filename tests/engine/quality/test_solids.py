@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 import pytest
-from esh.engine.problem.unit_vectors import spread_directions
+from esh.engine.geometry.unit_vectors import spread_directions
 from esh.engine.quality.close_boxes import close_boxes
 from esh.engine.quality.nearest_to_origin import nearest_to_origin
 from esh.engine.quality.solids import TOLERANCE, Solids, depths, meeting, meeting_pairs

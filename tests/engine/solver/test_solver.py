@@ -21,6 +21,9 @@ from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.quality.measurement import measure
 from esh.engine.solve import solve
+from esh.engine.solver.placing import Placing
+from esh.engine.solver.placing_in_plane import PlacingInPlane
+from esh.engine.solver.placing_on_surface import PlacingOnSurface
 from esh.engine.solver.solver import Solver
 
 
@@ -221,3 +224,11 @@ def test_bodies_that_begin_where_their_density_is_0_by_now_come_to_where_it_is_n
     assert report.overlaps == 0 and report.coverage_error < 0.02
     pines = after.position[after.class_index == 0]
     assert (np.abs(pines[:, 1] - 10.0) < 3.3).all() and (np.abs(pines[:, 0] - 10.0) < 8.0).all()
+
+
+@pytest.mark.parametrize("placing", [PlacingInPlane, PlacingOnSurface])
+def test_the_plane_and_surfaces_have_one_interface(placing):
+    """What only one of them had, the solver would have to ask for."""
+    common = {*dir(Placing), *Placing.__annotations__}
+    assert {name for name in dir(placing) if name[0] != "_"} == {name for name in common if name[0] != "_"}
+    assert not placing.__abstractmethods__

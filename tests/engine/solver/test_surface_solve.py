@@ -7,8 +7,8 @@ import pytest
 import surface_meshes as meshes
 import surface_metric as metric
 import trimesh
+from esh.engine.model.state import SurfaceState
 from esh.engine.motion.surface_own_forces import own_forces
-from esh.engine.motion.surface_state import SurfaceState
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from esh.engine.problem.smooth_normals import MOST_AROUND
+from esh.engine.geometry.smooth_normals import MOST_AROUND
 from esh.engine.problem.surface import Surface, SurfaceMesh
 
 

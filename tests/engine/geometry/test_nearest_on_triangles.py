@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from esh.engine.problem.nearest_on_triangles import nearest_in, nearest_on_triangles
+from esh.engine.geometry.nearest_on_triangles import nearest_in, nearest_on_triangles
 
 
 def distances(corner, point):

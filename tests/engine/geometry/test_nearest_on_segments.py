@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from esh.engine.errors import ProblemError
-from esh.engine.problem.nearest_on_segments import nearest_on_segments
+from esh.engine.geometry.nearest_on_segments import nearest_on_segments
 from esh.engine.problem.surface_directions import AlongCurves, along_segments
 
 

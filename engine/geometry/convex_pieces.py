@@ -7,8 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from .footprint import MOST_CORNERS
-
 __all__ = ["convex_pieces"]
 
 # Corners this close, as a share of a polygon's extent, are one, and what bends by less is straight.
@@ -17,15 +15,15 @@ SAME_CORNER = 1e-9
 MOST_EDGES_THAT_CROSS = 1000
 
 
-def convex_pieces(corners: np.ndarray) -> Iterator[np.ndarray]:
-    """Cut a polygon ``[n, 2]``, whose edges may cross, into convex pieces ``[k, 2]`` of at most ``MOST_CORNERS`` corners each."""
+def convex_pieces(corners: np.ndarray, most_corners: int) -> Iterator[np.ndarray]:
+    """Cut a polygon ``[n, 2]``, whose edges may cross, into convex pieces ``[k, 2]`` of at most ``most_corners`` corners each."""
     close = SAME_CORNER * float(np.ptp(corners, axis=0).max())
     growing: list[tuple[list[np.ndarray], list[np.ndarray]]] = []
     for slab in _slabs(corners):
         for left, right in growing:
             # What ends where this one begins may go on in it.
             met = max(np.abs(left[-1] - slab[0]).max(), np.abs(right[-1] - slab[1]).max()) <= close
-            if met and _goes_on(left, right, slab, close):
+            if met and _goes_on(left, right, slab, close, most_corners):
                 break
         else:
             growing.append(([slab[0], slab[3]], [slab[1], slab[2]]))
@@ -33,14 +31,16 @@ def convex_pieces(corners: np.ndarray) -> Iterator[np.ndarray]:
         yield np.array([*right, *reversed(left)])
 
 
-def _goes_on(left: list[np.ndarray], right: list[np.ndarray], slab: np.ndarray, close: float) -> bool:
+def _goes_on(
+    left: list[np.ndarray], right: list[np.ndarray], slab: np.ndarray, close: float, most_corners: int
+) -> bool:
     """Whether a convex piece stays one when a trapezoid is set on it; if so it is. Its sides are given from bottom to top."""
     bends = [_bend(side, end) for side, end in ((left, slab[3]), (right, slab[2]))]
     # To the right on the left side, and to the left on the right one.
     if bends[0] > close or bends[1] < -close:
         return False
     straight = [abs(bend) <= close for bend in bends]
-    if len(left) + len(right) + 2 - sum(straight) > MOST_CORNERS:
+    if len(left) + len(right) + 2 - sum(straight) > most_corners:
         return False
     for side, end, on_line in zip((left, right), (slab[3], slab[2]), straight, strict=True):
         if on_line:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from esh.engine.problem.small_matrices import determinants, inverses
+from esh.engine.geometry.small_matrices import determinants, inverses
 
 
 def test_they_are_those_of_numpy():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from esh.engine.problem.connected import connected, connected_pixels
+from esh.engine.geometry.connected import connected, connected_pixels
 from scipy.ndimage import label
 
 

@@ -1,0 +1,175 @@
+"""Placing in the plane: a start for few and for rare bodies, natural borders, and edits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import ClassVar
+
+import numpy as np
+
+from ..descent.convergence import TOLERANCE
+from ..descent.descent import Descent
+from ..device.launcher import Launcher
+from ..edits.carried_descent import carried_poses, carry_turns, go_on_from
+from ..edits.edit import EditInPlane
+from ..edits.given_places import given_poses, lay_outlines
+from ..edits.plane_settling import settle_in_plane
+from ..edits.spread import Spreading
+from ..model.body_flags import BodyFlags
+from ..model.memory import check_memory
+from ..model.model import Model
+from ..model.natural_border import STEPS_WITHIN, Kept, NaturalBorder, smoothing
+from ..model.state import State, StateArrays
+from ..motion.carried_lines import carry_lines
+from ..problem.placement import Placement
+from ..problem.problem import Problem
+from ..space.part import Part
+from .bookmarks import Bookmark
+from .choice_of_start import choose_start, number_of_starts
+from .ink import with_widths
+from .placing import EditedBodies, GivenPlaces, Placing
+from .rare_start import rare_starts, start_some
+
+__all__ = ["PlacingInPlane"]
+
+# If an edit changes the number of charges by more than this factor, up or down, the model gets another unit of length.
+MOST_GROWTH = 1.5
+
+
+class PlacingInPlane(Placing[Descent]):
+    """Places bodies in a rectangle.
+
+    With a natural border, bodies are placed beyond it as well, until :meth:`cut` drops them.
+    """
+
+    STATE: ClassVar[type[StateArrays]] = State
+
+    def __init__(self, model: Model, launcher: Launcher) -> None:
+        super().__init__(model, launcher)
+        self._border: NaturalBorder | None = None
+
+    def new_descent(self) -> Descent:
+        """A descent of the model whose bodies are where they start."""
+        return Descent(self.model, self.launcher)
+
+    def start(self, *, afresh: bool) -> None:
+        """Make a descent. With a natural border its bodies are also those beyond; of a few the best of several starts is found."""
+        problem, placed, rare = self.model.problem, self.model, None
+        if afresh and problem.rectangle.natural:
+            self._border = NaturalBorder(self.launcher, problem)
+            problem = self._border.problem
+            check_memory(problem)
+            placed = Model(problem)
+        if afresh and number_of_starts(placed) < 2:
+            rare = rare_starts(self.launcher, problem)
+        self._descent = Descent(placed, self.launcher)
+        if rare is not None:
+            start_some(self._descent, rare)
+
+    def start_from(self, state: StateArrays) -> None:
+        """Continue from another state of the same problem; its values are copied."""
+        if self._leave_beyond():
+            self._descent = self.new_descent()
+        super().start_from(state)
+
+    def start_at(self, places: GivenPlaces) -> None:
+        """Make a descent whose bodies are at places.
+
+        Without given angles and lengths they lie as they did. Of those that were placed beyond a border nothing is known.
+        """
+        self._leave_beyond()
+        before = None if self._descent is None else self._descent.state
+        pose = given_poses(self.model, places.position, places.angle, places.length, before)
+        self.let_go()
+        self._descent = Descent(self.model, self.launcher, pose=pose)
+        if places.angle is not None:
+            lay_outlines(self._descent, places.angle)
+        self._descent.place_charges()
+
+    def edit(self, problem: Problem) -> EditedBodies:
+        """Make the model and the descent of another problem in the same domain, with the bodies that are there."""
+        before, old = self.model, self.descent.state
+        ratio = problem.charge_count / before.charge_count
+        model = Model(problem, unit=before.unit if 1.0 / MOST_GROWTH < ratio < MOST_GROWTH else None)
+        self._name_fixed(model)
+        edit = EditInPlane(self.launcher, before, old.pose, model, self._spread)
+        natural = problem.rectangle.natural
+        if model.kinds or model.footprints.has_outlines or before.body.flagged or natural:
+            carried = edit.finish(self.next_identity)
+            model.carry(before, carried)
+            descent = Descent(
+                model,
+                self.launcher,
+                pose=carried_poses(before, old, model, carried),
+                stirred=carried.pose.numpy()[carried.new, :2] if natural else None,
+            )
+            if before.kinds and model.kinds:
+                carry_lines(before, old, model, descent.state, carried.source)
+            carry_turns(before, old, model, descent.state, carried)
+        else:
+            # All that such bodies bring with them is where they are: the rest is made while a GPU spreads points.
+            descent = Descent(model, self.launcher, pose=edit.pose)
+            carried = edit.finish(self.next_identity)
+            model.carry(before, carried)
+        descent.take_over_targets(self.descent)
+        self._take(model, descent)
+        descent.place_charges()
+        return EditedBodies(carried.came, carried.went, partial(settle_in_plane, descent, carried, before))
+
+    def cut(self) -> None:
+        """With a natural border, drop the bodies beyond it and even out the charge along the cut. Does nothing the second time."""
+        if self._border is None:
+            return
+        with self.launcher.phase("border"):
+            border, kept, before = self._border, self._kept(self._border), self.descent
+            self._border = None
+            blur, steps = smoothing(self.model.charge.charge)
+            smooth = go_on_from(before, self.model, kept.position, kept.source, turned=border.turn, smooth=blur)
+            smooth.step.play(steps)
+            position = smooth.positions()
+            close = position[smooth.close_bodies()]
+            self._descent = go_on_from(smooth, self.model, position, np.arange(self.model.body_count), close=close)
+            self._descent.step.play(STEPS_WITHIN)
+
+    def return_to(self, bookmark: Bookmark) -> None:
+        """Return to the problem and the bodies of a bookmark, which knows no border."""
+        self._border = None
+        super().return_to(bookmark)
+
+    def positions(self) -> np.ndarray:
+        """Where the bodies are [m], shape ``[body_count, 2]``; with a natural border those within."""
+        return super().positions() if self._border is None else self._kept(self._border).position
+
+    def choose_start(self, max_steps: int, go_on: Callable[[], bool] | None) -> int:
+        """With few bodies, choose the best of several starts, and return its number."""
+        return choose_start(self.descent, max_steps, TOLERANCE, go_on)
+
+    def finished(self, placement: Placement) -> Placement:
+        """A placement whose lines are as wide as their ink asks for, where they may overlap."""
+        model = self.model
+        # Ghosts cover ground but are not in the placement, so widths would come out wrong; bodies that keep apart need no correction.
+        if not model.kinds or model.problem.avoid_overlap or (model.body.flags & BodyFlags.GHOST).any():
+            return placement
+        with self.launcher.phase("widths"):
+            return replace(placement, width=with_widths(placement, self.launcher))
+
+    def _kept(self, border: NaturalBorder) -> Kept:
+        """Which bodies are within a natural border, and where."""
+        return border.cut(self.descent.positions(), self.model)
+
+    def _leave_beyond(self) -> bool:
+        """With a natural border, discard all bodies placed so far, as new positions follow; return whether there was a border."""
+        if self._border is None:
+            return False
+        self._border = None
+        self.let_go()
+        return True
+
+    def _spread(
+        self, densities: list[np.ndarray], counts: list[int], part: Part | None
+    ) -> Callable[[], list[np.ndarray]]:
+        problem = self.model.problem
+        seed = int(self._randomness(problem).integers(1 << 31))
+        return Spreading(self.launcher, problem.rectangle, densities, counts, seed, part).points
