@@ -10,6 +10,7 @@ from .editing import dropped_presets, forecast, painting
 from .operators import exchange as exchange_operators
 from .operators import keys
 from .properties import body_class, layer, obstacle, placed, scatter, scene, size
+from .properties.held_in_steps import hold_in_steps
 from .properties.in_english import keep_in_english
 from .sidebar import asset_shelf, density_preview, export_notes, followed_names, lists, menus, panels
 from .solving import live, loading, running
@@ -40,6 +41,7 @@ def register() -> None:
     for module in _MODULES:
         for cls in module.CLASSES:
             keep_in_english(cls)
+            hold_in_steps(cls)
             bpy.utils.register_class(cls)
     scene.attach()
     versions.attach()

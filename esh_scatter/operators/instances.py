@@ -172,7 +172,7 @@ class ESH_OT_instances_refill(Edit):
     @staticmethod
     def _needs(context: bpy.types.Context) -> object:
         scatter = active_scatter(context)
-        return scatter if scatter and scatter.kept_free() else None
+        return scatter if scatter and scatter.free_places else None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Forget them."""
@@ -282,11 +282,9 @@ def real_objects_in(context: bpy.types.Context) -> bpy.types.Collection | None:
 
 def remove_and_keep_free(scatter: ESH_PG_scatter, result: bpy.types.Object, points: np.ndarray) -> None:
     """Take points out of a result, and keep their places free in the next runs."""
-    where = read_attribute(result.data, "position")[points].tolist()
-    for (x, y, z, radius), point in zip(pins.balls_of(result, points).tolist(), where, strict=True):
+    for x, y, z, radius in pins.balls_of(result, points).tolist():
         entry = scatter.free_places.add()
         entry.place, entry.radius, entry.has_height, entry.height = (x, y), radius, True, z
-        entry.is_new, entry.point = True, point
     pins.remove(result.data, points)
 
 

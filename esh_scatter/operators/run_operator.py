@@ -60,7 +60,7 @@ def solve_now(context: bpy.types.Context, settings: ESH_PG_scatter) -> "ScatterR
     window_manager = context.window_manager
     window_manager.progress_begin(0, settings.max_steps)
     try:
-        _bring_up_to_date(settings)
+        follow_names(settings)
         positional, named = settings.arguments(context.scene)
         settings.forget_deleted_result()
         return scatter(*positional, **named, progress=lambda now: window_manager.progress_update(now.step))
@@ -76,18 +76,12 @@ def job_of(context: bpy.types.Context, settings: ESH_PG_scatter, survey: "Survey
     """
     from ..api import ScatterJob
 
-    _bring_up_to_date(settings)
+    follow_names(settings)
     positional, named = settings.arguments(context.scene)
     job = ScatterJob(*positional, **named, prepare=False, survey=survey)
     with checksums.now():
         job.made_with = settings.fingerprint()
     return job
-
-
-def _bring_up_to_date(settings: ESH_PG_scatter) -> None:
-    """Before a run: names that follow those of objects, and places that stay free."""
-    follow_names(settings)
-    settings.forget_refilled_places()
 
 
 def keep_result(

@@ -116,9 +116,6 @@ class ESH_PG_free_place(PropertyGroup):
     # Files of before have no heights.
     has_height: BoolProperty(options={"HIDDEN"})
     height: FloatProperty(options={"HIDDEN"})
-    # Since the last run, and where its point was in the result's mesh: there undo may have put it back.
-    is_new: BoolProperty(options={"HIDDEN"})
-    point: FloatVectorProperty(size=3, options={"HIDDEN"})
 
     def as_argument(self) -> FreePlace:
         """Return it as :func:`~esh.scatter` takes it."""

@@ -136,23 +136,6 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         known = zip(later, records, strict=True)
         return [other for other, then in known if then is not None and points not in then.get("keep_off_others", ())]
 
-    def kept_free(self) -> list[ESH_PG_free_place]:
-        """Return the places that stay free: not those whose object undo has brought back, which in Edit Mode changes points alone."""
-        from ..result.pins import stand_there
-
-        result, new = self.result_in(self.id_data), [one for one in self.free_places if one.is_new]
-        if not new or result is None or result.mode == "EDIT":
-            return list(self.free_places)
-        back = iter(stand_there(result.data, [tuple(one.point) for one in new]))
-        return [one for one in self.free_places if not (one.is_new and next(back))]
-
-    def forget_refilled_places(self) -> None:
-        """Before a run, which moves points: let go of the places whose object is there again."""
-        kept = {one.as_pointer() for one in self.kept_free()}
-        for number in reversed(range(len(self.free_places))):
-            if self.free_places[number].as_pointer() not in kept:
-                self.free_places.remove(number)
-
     @property
     def report(self) -> dict | None:
         """The last run's report, as :meth:`~esh.engine.problem.report.Report.to_dict` gives it, or None before the first."""
@@ -379,7 +362,7 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
             "result": self.result_in(scene),
             "obstacles": [
                 *(one.as_argument() for one in self.obstacles if one.ready),
-                *(one.as_argument() for one in self.kept_free()),
+                *(one.as_argument() for one in self.free_places),
                 *self.other_results(),
             ],
             "pinned": self.classes_of_result(scene),
@@ -459,8 +442,6 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
             with checksums.now():
                 ran_with = self.fingerprint()
         self.ran_with = ran_with
-        for one in self.free_places:
-            one.is_new = False
         keep_settings(self, result)
         remember_placed(self)
         ready = self.ready_classes()

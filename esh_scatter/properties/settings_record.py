@@ -310,7 +310,7 @@ def _kept_off(scatter: Any) -> dict[str, Any]:
             if one.ready
         ],
         "free_places": [
-            [[*(round(x, 4) for x in one.place), round(one.radius, 4)] for one in scatter.kept_free()],
+            [[*(round(x, 4) for x in one.place), round(one.radius, 4)] for one in scatter.free_places],
             _pinned(scatter),
         ],
         "keep_off_others": [checksums.of_points(result) for result in scatter.other_results()],

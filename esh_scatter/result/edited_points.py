@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ..targets.mesh_attributes import read_attribute
+from ..targets.modes import hold_file_in_step
 from .attributes import read_flags
 from .pins import tell_copies_apart
 
@@ -62,6 +63,7 @@ def outside_edit_mode(result: bpy.types.Object | None) -> Iterator[None]:
         # What is hidden cannot be edited.
         if bpy.ops.object.mode_set.poll():
             bpy.ops.object.mode_set(mode="EDIT")
+            hold_file_in_step()
         for item in others:
             item.select_set(True)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Sequence
 
 import bpy
 import numpy as np
@@ -36,7 +35,6 @@ __all__ = [
     "pin",
     "remove",
     "selected_points",
-    "stand_there",
     "staying",
     "tell_copies_apart",
     "turn",
@@ -163,16 +161,6 @@ def balls_of(result: bpy.types.Object, points: np.ndarray) -> np.ndarray:
     index = read_attribute(mesh, INSTANCE_INDEX)[points]
     radius = np.array([half[number] if number < len(half) else 0.0 for number in index.tolist()])
     return np.column_stack([position, np.maximum(radius * read_attribute(mesh, SCALE)[points, 0], SMALLEST_DISC)])
-
-
-def stand_there(mesh: bpy.types.Mesh, places: Sequence[tuple[float, ...]]) -> list[bool]:
-    """Return of each of some places in a mesh whether one of its points is exactly there."""
-    position, wanted = read_attribute(mesh, "position"), np.array(places, np.float32)
-    # By one coordinate first: there are few places, and panels ask with every drawing.
-    ordered = np.sort(wanted[:, 0])
-    near = ordered[np.minimum(np.searchsorted(ordered, position[:, 0]), len(ordered) - 1)] == position[:, 0]
-    there = {tuple(one) for one in position[near].tolist()}
-    return [tuple(one) in there for one in wanted.tolist()]
 
 
 def remove(mesh: bpy.types.Mesh, points: np.ndarray) -> None:

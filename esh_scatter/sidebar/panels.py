@@ -254,7 +254,7 @@ class ESH_PT_instances(SubPanel, bpy.types.Panel):
         row.operator("esh.instances_turn", icon="FILE_REFRESH")
         row.operator("esh.instances_remove", icon="X")
         column.operator("esh.instances_select_pinned", icon="RESTRICT_SELECT_OFF")
-        if scatter.kept_free():
+        if scatter.free_places:
             column.operator("esh.instances_refill")
         column.operator("esh.instances_make_real", icon="OBJECT_DATA")
 

@@ -271,7 +271,6 @@ class FollowedScatter:
         first = self._told is None
         start = time.thread_time()
         try:
-            scatter.forget_refilled_places()
             positional, named = scatter.arguments(context.scene)
             job = ScatterJob(*positional, **named, prepare=False)
             job.made_with = made_with

@@ -134,12 +134,12 @@ def test_undo_in_edit_mode_brings_points_back_and_lets_go_of_their_places(two, h
     bpy.ops.object.mode_set(mode="OBJECT")
     first = scatters()[0]
     assert np.array_equal(read_attribute(first.result.data, "position"), before)
-    assert first.kept_free() == [] and not first.changes() and not bpy.ops.esh.instances_refill.poll()
+    assert not first.free_places and not first.changes() and not bpy.ops.esh.instances_refill.poll()
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.ed.redo()
     bpy.ops.object.mode_set(mode="OBJECT")
     first = scatters()[0]
-    assert len(first.result.data.vertices) == 37 and len(first.kept_free()) == 3
+    assert len(first.result.data.vertices) == 37 and len(first.free_places) == 3
     assert first.changes() == ["instances set by hand"] and bpy.ops.esh.instances_refill.poll()
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.ed.undo()

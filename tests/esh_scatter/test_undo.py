@@ -248,6 +248,41 @@ def test_a_button_is_undone_and_redone(scene, name, tmp_path):
     assert state() == after
 
 
+IN_EDIT_MODE = (
+    "seed_roll",
+    "class_add",
+    "class_remove",
+    "class_move",
+    "size_add",
+    "layer_add",
+    "layer_remove",
+    "obstacle_remove",
+)
+
+
+@pytest.mark.parametrize("name", IN_EDIT_MODE)
+@pytest.mark.parametrize("edited", ["Ground", "Ground Scatter"])
+def test_a_button_is_undone_and_redone_in_edit_mode(scene, name, edited):
+    """Blender's steps of Edit Mode hold what is edited alone."""
+
+    def settings():
+        assert bpy.data.objects[edited].mode == "EDIT"
+        return values_of(bpy.context.scene.esh_scatter)
+
+    bpy.context.view_layer.objects.active = bpy.data.objects[edited]
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.ed.undo_push(message="edited")
+    known = [settings()]
+    for button in (name, "class_add"):
+        assert getattr(bpy.ops.esh, button)(**BUTTONS[button]) == {"FINISHED"}
+        bpy.ops.ed.undo_push(message="pressed")
+        known.append(settings())
+    assert known[0] != known[1] != known[2]
+    for step, there in (("undo", 1), ("undo", 0), ("redo", 1), ("redo", 2)):
+        getattr(bpy.ops.ed, step)()
+        assert settings() == known[there]
+
+
 def test_saved_read_and_run_again_the_points_have_the_same_bytes(scene, tmp_path):
     def points():
         mesh = active().result.data
