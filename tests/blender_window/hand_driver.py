@@ -96,6 +96,13 @@ def instances_by_hand():
     take_screenshot("hand-4-picked.png")
     yield from hand.press("esh.instances_edit", first=top)
     answer["mode_after"] = scatter().result.mode
+    answer["by_key_after"] = []
+    for keys in ("ctrl+z", "ctrl+z", "ctrl+shift+z", "ctrl+shift+z"):
+        yield from hand.keys(keys)
+        yield 0.5
+        edited = scatter().result.mode == "EDIT"
+        points = points_edited() if edited else len(scatter().result.data.vertices)
+        answer["by_key_after"].append((edited, points - before, len(scatter().free_places)))
     yield from update()
     moved, pinned = (by_id(number[what][0]) for what in ("moved", "pinned"))
     answer["moved_by"] = (moved - number["moved"][1]).tolist()

@@ -107,6 +107,8 @@ def test_an_artist_changes_things_with_mouse_and_keys(package: Path, tmp_path: P
     assert (answer["mode"], answer["mode_after"], answer["free_places"]) == ("EDIT", "OBJECT", 1)
     assert answer["moved_by"] == pytest.approx([1.0, 0.0, 0.0], abs=1e-4) and answer["pinned_by"] < 1e-4
     assert answer["by_key"] == [-1, 0, -1, 0, -1], "X and Delete ask nothing, and are undone and redone"
+    after = [[True, -1, 2], [True, 0, 1], [True, -1, 2], [False, -1, 2]]
+    assert answer["by_key_after"] == after, "nor does undo part points from the places that stay free, also beyond Done"
     assert answer["nearest_to_removed"] > 0.1 and answer["nearest_to_deleted"] > 0.1, "their places stay free"
     assert answer["edited"] == "Rock" and answer["rock_with_menu"] == 0 == answer["rock_left"], "a menu asks there"
     assert answer["rock_mode"] == "OBJECT"
