@@ -100,6 +100,10 @@ class ESH_OT_class_duplicate(ClassEdit):
         copy = scatter.add_class()
         copy_class(scatter.classes[index], copy, CLASS_PARTS)
         copy.name = unused_name(name, {other.name for other in scatter.classes[:-1]})
+        if name == scatter.classes[index].named_after:
+            copy.named_after = copy.name
+            for size, copied in zip(scatter.classes[index].sizes, copy.sizes, strict=True):
+                copied.names_class = size.names_class
         scatter.classes.move(len(scatter.classes) - 1, index + 1)
         scatter.class_index = index + 1
         return {"FINISHED"}

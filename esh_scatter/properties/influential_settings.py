@@ -30,6 +30,7 @@ WITHOUT_INFLUENCE = AT_ONCE | {
     "named_after",
     "waits_for_first",
     "source_was_in_scene",
+    "names_class",
     "layer_index",
     "points_above",
     "cap",

@@ -61,14 +61,20 @@ def class_of(size: PropertyGroup) -> PropertyGroup:
 
 
 def name_class_after(size: PropertyGroup) -> None:
-    """Name a class that nobody has named after what its only size places, also where that is another thing now."""
+    """Name a class that nobody has named after what its first size places, also where that is another thing now."""
     body_class = class_of(size)
     stem, _, number = body_class.name.rpartition(" ")
     is_new = body_class.name == NEW_CLASS or (stem == NEW_CLASS and number.isdecimal())
     has_own = not is_new and body_class.name != body_class.named_after
-    if size.source is not None and len(body_class.sizes) == 1 and not has_own:
+    if size.source is not None and size == _naming_size(body_class) and not has_own:
         body_class.name = size.source.name
-        body_class.named_after = body_class.name
+        body_class.named_after, size.names_class = body_class.name, True
+
+
+def _naming_size(body_class: PropertyGroup) -> PropertyGroup | None:
+    """Return the size after which a class is named: the only one, or what was so when there came more; None if that is gone."""
+    sizes = body_class.sizes
+    return sizes[0] if len(sizes) == 1 else next((size for size in sizes if size.names_class), None)
 
 
 def outnamed(scatter: PropertyGroup) -> list[PropertyGroup]:
@@ -79,7 +85,8 @@ def outnamed(scatter: PropertyGroup) -> list[PropertyGroup]:
 
 
 def _has_name_of_source(body_class: PropertyGroup, scatter: PropertyGroup) -> bool:
-    source = body_class.sizes[0].source if len(body_class.sizes) == 1 else None
+    size = _naming_size(body_class)
+    source = None if size is None else size.source
     if source is None:
         return True
     name = source.name.strip() or body_class.KIND
@@ -93,7 +100,7 @@ def _has_name_of_source(body_class: PropertyGroup, scatter: PropertyGroup) -> bo
 def follow_names(scatter: PropertyGroup) -> None:
     """Rename the classes that are named after what they place, where somebody has renamed that."""
     for body_class in outnamed(scatter):
-        name_class_after(body_class.sizes[0])
+        name_class_after(_naming_size(body_class))
 
 
 def class_renamed(item: PropertyGroup, context: object) -> None:

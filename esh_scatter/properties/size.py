@@ -123,6 +123,8 @@ class ESH_PG_size(PropertyGroup):
         update=remember_source,
     )
     source_was_in_scene: BoolProperty(options={"HIDDEN"})
+    # The class was named after what it places.
+    names_class: BoolProperty(options={"HIDDEN"})
     source_collection: PointerProperty(
         type=bpy.types.Collection,
         name="Collection",

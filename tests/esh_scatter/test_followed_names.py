@@ -92,6 +92,28 @@ def test_a_name_that_another_class_has_is_numbered_once(made):
     assert names() == ["Spruce", "Fir"] and not outnamed(made)
 
 
+def test_a_class_of_several_sizes_follows_the_one_that_it_was_named_after(made):
+    made.class_index = 0
+    made.classes[0].add_size().source_object = cone("Bush")
+    bpy.data.objects["Bush"].name = "Shrub"
+    assert not draw_and_wait()
+    bpy.ops.esh.size_move(direction="UP")
+    bpy.data.objects["Cone"].name = "Pine"
+    assert draw_and_wait() and names() == ["Pine", "Cylinder"]
+    bpy.ops.esh.class_duplicate()
+    assert names() == ["Pine", "Pine 2", "Cylinder"]
+    bpy.data.objects["Pine"].name = "Fir"
+    assert draw_and_wait() and names() == ["Fir", "Fir 2", "Cylinder"]
+    made.classes["Fir 2"].name = "Old Fir"
+    bpy.data.objects["Fir"].name = "Spruce"
+    assert draw_and_wait() and names() == ["Spruce", "Old Fir", "Cylinder"]
+    made.class_index, made.classes[0].size_index = 0, 1
+    bpy.ops.esh.size_add()
+    made.classes[0].size_index = 1
+    bpy.ops.esh.size_remove()
+    assert not draw_and_wait() and names()[0] == "Spruce", "it is named after nothing that is placed"
+
+
 def test_undo_and_redo_of_a_new_name(made):
     bpy.ops.ed.undo_push(message="made")
     bpy.data.objects["Cone"].name = "Pine"
