@@ -133,6 +133,7 @@ def _tick() -> float | None:
             if live.stopped:
                 _stopped[key] = live.stopped
     if not _followed:
+        undo_steps.forget_known()
         _detach()
         return None
     return TICK
@@ -162,6 +163,8 @@ def _something_changed(_scene: object, depsgraph: bpy.types.Depsgraph | None = N
 @persistent
 def _goes_back(*_arguments: object) -> None:
     """Before undo and redo nothing that stays may lead to what these free."""
+    if not _followed:
+        undo_steps.forget_known()
     undo_steps.go_back()
 
 
@@ -173,6 +176,9 @@ def _went_back(*_arguments: object) -> None:
     undo_steps.went_back()
     for live in _followed.values():
         live.look_at_points()
+    if not _followed:
+        # Perhaps there is nothing to listen to any more.
+        wake()
 
 
 @persistent

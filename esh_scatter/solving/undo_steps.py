@@ -16,7 +16,7 @@ from .new_result import Kept, NewResult, Scatter
 if TYPE_CHECKING:
     from ..result.emptied_group import EmptiedGroup
 
-__all__ = ["Before", "forget", "go_back", "is_any_noted", "note", "went_back"]
+__all__ = ["Before", "forget", "forget_known", "go_back", "is_any_noted", "note", "went_back"]
 
 # Node groups with parts that no undo step may know of yet, by their numbers, whoever uses them now; and those emptied for an undo.
 _built: dict[int, Reference] = {}
@@ -25,6 +25,8 @@ _emptied: list[EmptiedGroup] = []
 _replaced: dict[int, Replaced] = {}
 # Results that the last step may not know.
 _made: dict[int, NewResult] = {}
+# How much memory all steps took when something was noted last [bytes].
+_taken = 0
 
 
 class Before(NamedTuple):
@@ -65,6 +67,7 @@ def note(
         _built[modifier.node_group.session_uid] = Reference(modifier.node_group, "group")
     if before.owned is not None and result == scatter.result and not owned_by(result).is_same(before.owned):
         _replaced.setdefault(result.session_uid, Replaced(result)).add(before.owned)
+    _look_at_steps()
 
 
 def go_back() -> None:
@@ -94,12 +97,32 @@ def went_back() -> None:
     _emptied.clear()
     for uid in [uid for uid, made in _made.items() if not made.put_again()]:
         _made.pop(uid)
+    _look_at_steps()
 
 
 def forget() -> None:
     """Forget everything: another file is opened, or the extension ends."""
     for noted in (_built, _replaced, _made):
         noted.clear()
+
+
+def forget_known() -> None:
+    """Forget everything once there was another step since, which holds it: from there on Blender goes back and forth by itself.
+
+    What is noted has made something new, so any step is preceded by one of the whole file. Blender 4.5 does not tell of steps.
+    """
+    if _memory_of_steps() != _taken:
+        forget()
+
+
+def _look_at_steps() -> None:
+    """Know from now on whether there is another step."""
+    global _taken
+    _taken = _memory_of_steps()
+
+
+def _memory_of_steps() -> int:
+    return int(bpy.app.memory_usage_undo()) if hasattr(bpy.app, "memory_usage_undo") else 0
 
 
 def is_any_noted() -> bool:

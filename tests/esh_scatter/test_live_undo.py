@@ -316,3 +316,57 @@ def test_a_result_that_undo_steps_know_stays_as_it_was_shown(scatter, follow):
     assert moved(before, points()).max() == 0.0 and active().report_json
     follow()
     assert active().live and active().result == result and {place[2] for place in points().values()} == {1.0}
+
+
+def listening():
+    return [hook for handlers, hook in live._hooks() if hook in handlers]
+
+
+@pytest.mark.skipif(not hasattr(bpy.app, "memory_usage_undo"), reason="this Blender does not tell of steps")
+def test_undo_is_listened_to_no_longer_once_a_step_holds_what_live_has_made(scatter, follow):
+    """As in the sidebar: the switch makes a step of its own."""
+    undo, redo = bpy.ops.ed.undo, bpy.ops.ed.redo
+    bpy.ops.ed.undo_push(message="made")
+    scatter.live = True
+    bpy.ops.ed.undo_push(message="live")
+    follow()
+    active().classes["Pine"].sizes[0].count = 260
+    bpy.ops.ed.undo_push(message="more")
+    a_class_of_a_collection(active())
+    follow()
+    active().live = False
+    bpy.ops.ed.undo_push(message="live no longer")
+    follow()
+    assert not listening() and not live._followed
+    shown, ready = len(points()), active().report_json
+    for step in (undo, undo, undo, redo, redo, redo):
+        step()
+        assert leads_to_nothing_that_is_gone()
+    follow()
+    assert not listening() and len(points()) == shown and active().report_json == ready
+    for step in (undo, undo):
+        step()
+        active().live and live.wake()
+        follow()
+        assert leads_to_nothing_that_is_gone()
+        assert len(points()) == sum(size.count for one in active().classes for size in one.sizes)
+    redo()
+    redo()
+    assert leads_to_nothing_that_is_gone() and len(points()) == shown
+
+
+def test_undo_is_listened_to_as_long_as_no_step_holds_what_live_has_made(scatter, follow):
+    for name in ("made", "later"):
+        bpy.ops.ed.undo_push(message=name)
+    scatter.live = True
+    follow()
+    active().live = False
+    follow()
+    assert len(listening()) == 4 and not live._followed
+    bpy.ops.ed.undo()
+    assert leads_to_nothing_that_is_gone()
+    if hasattr(bpy.app, "memory_usage_undo"):
+        bpy.ops.ed.undo_push(message="another")
+        bpy.ops.ed.undo()
+        follow()
+        assert not listening() and leads_to_nothing_that_is_gone()
