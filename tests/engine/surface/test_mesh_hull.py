@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from esh.engine.problem.unit_vectors import spread_directions
+from esh.engine.geometry.unit_vectors import spread_directions
 from esh.engine.surface.mesh_hull import MOST_CORNERS, hull_corners
 from esh.engine.surface.triangle_mesh import TriangleMesh
 
