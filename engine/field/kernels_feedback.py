@@ -11,11 +11,11 @@ from .kernels_splines import deposit
 
 __all__ = [
     "Coarse",
-    "add_what_factors_add",
+    "add_to_asked",
     "blur_along",
     "change_factors",
-    "change_targets",
     "deposit_given",
+    "multiply",
     "read_factors",
 ]
 
@@ -97,8 +97,17 @@ def blur_along(
     at = i / inner % nodes
     group = row / others
     own = weight[group]
+    far = reach[group]
+    if at - far > margin and at + far < intervals - margin:
+        # No end is near.
+        middle = begin + (at + margin) * inner
+        inside = own[0] * values[middle]
+        for t in range(1, far + 1):
+            inside += own[t] * (values[middle - t * inner] + values[middle + t * inner])
+        blurred[i] = inside
+        return
     total = own[0] * mirrored_or_repeated(values, begin, inner, at, intervals, margin, repeats)
-    for t in range(1, reach[group] + 1):
+    for t in range(1, far + 1):
         both = mirrored_or_repeated(values, begin, inner, at - t, intervals, margin, repeats)
         both += mirrored_or_repeated(values, begin, inner, at + t, intervals, margin, repeats)
         total += own[t] * both
@@ -135,35 +144,29 @@ def change_factors(
 
 
 @wp.func
-def factor_at(i: int, mesh: Mesh, coarse: Coarse):
-    """Factor at node ``i`` of the charges' mesh, of all groups: linear between the coarse nodes around it."""
-    nodes = mesh.count_x * mesh.count_y
-    column = float(i % mesh.count_x - mesh.margin) / mesh.inverse_spacing[0]
-    row = float(i % nodes / mesh.count_x - mesh.margin) / mesh.inverse_spacing[1]
-    u = wp.clamp(column, 0.0, coarse.size[0]) * coarse.inverse_spacing[0]
-    v = wp.clamp(row, 0.0, coarse.size[1]) * coarse.inverse_spacing[1]
-    left = int(u)
-    below = int(v)
-    s = u - float(left)
-    t = v - float(below)
-    right = left + 1
-    above = below + 1
-    if coarse.repeats != 0:
-        left = wrap(left, coarse.count_x)
-        below = wrap(below, coarse.count_y)
-        right = wrap(right, coarse.count_x)
-        above = wrap(above, coarse.count_y)
-    else:
-        left = wp.min(left, coarse.count_x - 1)
-        below = wp.min(below, coarse.count_y - 1)
-        right = wp.min(right, coarse.count_x - 1)
-        above = wp.min(above, coarse.count_y - 1)
-    base = i / nodes * coarse.count_x * coarse.count_y
-    low = (1.0 - s) * coarse.factor[base + below * coarse.count_x + left]
-    low += s * coarse.factor[base + below * coarse.count_x + right]
-    high = (1.0 - s) * coarse.factor[base + above * coarse.count_x + left]
-    high += s * coarse.factor[base + above * coarse.count_x + right]
-    return (1.0 - t) * low + t * high
+def node_below(at: int, margin: int, inverse_spacing: float, size: float, coarse_inverse: float):
+    """Where node ``at`` along an axis of a mesh lies between coarse nodes: the number of the one below it, and how far from that."""
+    place = wp.clamp(float(at - margin) / inverse_spacing, 0.0, size) * coarse_inverse
+    low = int(place)
+    return low, place - float(low)
+
+
+@wp.func
+def node_after(at: int, count: int, repeats: int):
+    """The node after one; at an end that does not repeat, this one."""
+    if repeats != 0:
+        return wrap(at + 1, count)
+    return wp.min(at + 1, count - 1)
+
+
+@wp.func
+def factor_between(base: int, across: wp.vec2i, share: float, up: wp.vec2i, share_up: float, coarse: Coarse):
+    """Factor between two coarse nodes along either axis, linear."""
+    below = base + up[0] * coarse.count_x
+    above = base + up[1] * coarse.count_x
+    low = (1.0 - share) * coarse.factor[below + across[0]] + share * coarse.factor[below + across[1]]
+    high = (1.0 - share) * coarse.factor[above + across[0]] + share * coarse.factor[above + across[1]]
+    return (1.0 - share_up) * low + share_up * high
 
 
 @wp.kernel
@@ -171,47 +174,63 @@ def read_factors(
     first: int,
     mesh: Mesh,
     coarse: Coarse,
-    # outputs
-    factor: wp.array(dtype=float),
-):
-    """Factors of a coarse mesh at the nodes of another one."""
-    i = first + wp.tid()
-    factor[i] = factor_at(i, mesh, coarse)
-
-
-@wp.kernel
-def add_what_factors_add(
-    first: int,
-    asked: wp.array(dtype=float),
-    mesh: Mesh,
-    coarse: Coarse,
     block: int,
     blocks: int,
     # outputs
+    factor: wp.array(dtype=float),
+):
+    """Factors at the nodes of another mesh, of all groups; an element is one of the ``blocks`` of nodes of a row."""
+    b = first + wp.tid()
+    row = b / blocks % mesh.count_y
+    group = b / blocks / mesh.count_y
+    base = group * coarse.count_x * coarse.count_y
+    below, share_up = node_below(row, mesh.margin, mesh.inverse_spacing[1], coarse.size[1], coarse.inverse_spacing[1])
+    if coarse.repeats != 0:
+        below = wrap(below, coarse.count_y)
+    up = wp.vec2i(below, node_after(below, coarse.count_y, coarse.repeats))
+    begin = b % blocks * block
+    for column in range(begin, wp.min(begin + block, mesh.count_x)):
+        left, share = node_below(
+            column, mesh.margin, mesh.inverse_spacing[0], coarse.size[0], coarse.inverse_spacing[0]
+        )
+        if coarse.repeats != 0:
+            left = wrap(left, coarse.count_x)
+        across = wp.vec2i(left, node_after(left, coarse.count_x, coarse.repeats))
+        i = (group * mesh.count_y + row) * mesh.count_x + column
+        factor[i] = factor_between(base, across, share, up, share_up, coarse)
+
+
+@wp.kernel
+def multiply(
+    first: int,
+    asked: wp.array(dtype=float),
+    nodes: int,
+    block: int,
+    blocks: int,
+    # outputs
+    factor: wp.array(dtype=float),
     total: wp.array(dtype=wp.float64),
 ):
-    """Sums of charge that the factors add to the targets, of each of the ``blocks`` of every group."""
+    """Multiply factors by what is asked for; and sum up each of the ``blocks`` of every group."""
     b = first + wp.tid()
-    nodes = mesh.count_x * mesh.count_y
-    begin = b % blocks * block
+    begin = b / blocks * nodes + b % blocks * block
     found = wp.float64(0.0)
-    for k in range(begin, wp.min(begin + block, nodes)):
-        i = b / blocks * nodes + k
-        found += wp.float64(asked[i] * factor_at(i, mesh, coarse))
+    for i in range(begin, wp.min(begin + block, (b / blocks + 1) * nodes)):
+        more = asked[i] * factor[i]
+        factor[i] = more
+        found += wp.float64(more)
     total[b] = found
 
 
 @wp.kernel
-def change_targets(
+def add_to_asked(
     first: int,
     asked: wp.array(dtype=float),
-    mesh: Mesh,
-    coarse: Coarse,
     mean_factor: wp.array(dtype=float),
+    nodes: int,
     # outputs
     attraction: wp.array(dtype=float),
 ):
-    """Targets with their factors, which leave the sum of every group as it was."""
+    """Add what is asked for to what there is more of it, less so that the sum of every group stays as it was."""
     i = first + wp.tid()
-    nodes = mesh.count_x * mesh.count_y
-    attraction[i] = asked[i] * (1.0 + factor_at(i, mesh, coarse) - mean_factor[i / nodes])
+    attraction[i] += asked[i] * (1.0 - mean_factor[i / nodes])

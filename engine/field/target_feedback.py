@@ -16,6 +16,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN, Launcher
+from ..space.kernels_mesh import Mesh
 from ..space.mesh_layout import MeshLayout
 from ..space.target_deposit import deposit_images, mix_images
 from . import kernels_feedback
@@ -36,8 +37,8 @@ FOLLOWED, NOT_FOLLOWED = 0.05, 0.1
 # Where the density is less than this share of its mean the Gaussian sees single bodies, and nothing is changed; all of it from twice
 # as much.
 SPARSE = 0.02
-# Nodes beyond a border, for splines of charges at it; and nodes that are summed at once.
-MARGIN, BLOCK = 3, 1024
+# Nodes beyond a border, for splines of charges at it; nodes that are summed at once; and those of a row that are written at once.
+MARGIN, BLOCK, BLOCK_OF_ROW = 3, 512, 64
 
 
 def feedback_widths(counts: np.ndarray, size: Sequence[float]) -> np.ndarray:
@@ -116,7 +117,7 @@ class TargetFeedback:
         nodes = self.layout.for_kernels()
         nodes.count_x, nodes.count_y = self._nodes
         nodes.margin = 0
-        self._launcher.launch(kernels_feedback.read_factors, len(self.factor), [nodes, before._coarse], [self.factor])
+        self._read_factors(before._coarse, nodes, self.factor)
         self._change_targets()
 
     def apply(self) -> None:
@@ -183,19 +184,34 @@ class TargetFeedback:
         if self._asked is None:
             self._asked = wp.clone(self._attraction)
         nodes = self._of_field.node_count
+        self._read_factors(self._coarse, self._of_field.for_kernels(), self._attraction)
         blocks = -(-nodes // BLOCK)
         total = self._launcher.empty(self._groups * blocks, wp.float64)
-        where = [self._asked, self._of_field.for_kernels(), self._coarse]
         self._launcher.launch(
-            kernels_feedback.add_what_factors_add, len(total), [*where, BLOCK, blocks], [total], grain=1
+            kernels_feedback.multiply,
+            len(total),
+            [self._asked, nodes, BLOCK, blocks],
+            [self._attraction, total],
+            grain=GRAIN // BLOCK,
         )
         added, whole = total.numpy().reshape(self._groups, blocks).sum(axis=1), self._attracting.sum(axis=1)
         mean = np.divide(added, whole, out=np.zeros_like(added), where=whole != 0.0)
         self._launcher.launch(
-            kernels_feedback.change_targets,
+            kernels_feedback.add_to_asked,
             self._groups * nodes,
-            [*where, self._launcher.array(mean, float)],
+            [self._asked, self._launcher.array(mean, float), nodes],
             [self._attraction],
+        )
+
+    def _read_factors(self, coarse: kernels_feedback.Coarse, nodes: Mesh, factor: wp.array) -> None:
+        """Write factors at the nodes of a mesh."""
+        blocks = -(-nodes.count_x // BLOCK_OF_ROW)
+        self._launcher.launch(
+            kernels_feedback.read_factors,
+            self._groups * nodes.count_y * blocks,
+            [nodes, coarse, BLOCK_OF_ROW, blocks],
+            [factor],
+            grain=GRAIN // BLOCK_OF_ROW,
         )
 
     def _weights_of(self, width: np.ndarray) -> tuple[wp.array, wp.array]:
