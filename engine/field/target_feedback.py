@@ -222,8 +222,7 @@ class TargetFeedback:
             if wide > 0.0:
                 own[: many + 1] = np.exp(-0.5 * (np.arange(many + 1) / wide) ** 2)
                 own /= 2.0 * own.sum() - own[0]
-        flat = self._launcher.array(weight.ravel(), float)
-        return flat.reshape(weight.shape), self._launcher.array(reach, wp.int32)
+        return self._launcher.array(weight, float), self._launcher.array(reach, wp.int32)
 
     def _blurred(self, values: wp.array) -> wp.array:
         """Values on the mesh, blurred along both axes, at the nodes within the domain."""

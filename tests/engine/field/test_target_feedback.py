@@ -91,8 +91,8 @@ def test_clumps_keep_the_density_at_large_on_a_ground_that_repeats():
     assert errors[1] < 2.0 * errors[0]
 
 
-def descent_at(problem, position):
-    launcher = Launcher(resolve_device("cpu"))
+def descent_at(problem, position, device="cpu"):
+    launcher = Launcher(resolve_device(device))
     model = Model(problem)
     pose = np.zeros((len(position), 4))
     pose[:, :2] = position / model.unit
@@ -111,13 +111,14 @@ def test_a_lattice_needs_no_correction_up_to_its_border(boundary):
         launcher.close()
 
 
+@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda:0", marks=pytest.mark.cuda)])
 @pytest.mark.parametrize("boundary", ["open", "periodic", "mirror"])
-def test_where_bodies_are_too_dense_less_is_asked_for_and_as_much_in_all(boundary):
+def test_where_bodies_are_too_dense_less_is_asked_for_and_as_much_in_all(boundary, device):
     """Some hundredths: those that are off by more than a tenth cannot follow their density."""
     across = (np.arange(48) + 0.5) / 48
     across = across - 0.01 * np.sin(2.0 * np.pi * across) if boundary == "periodic" else across**1.03
     position = SIDE * np.stack(np.meshgrid(across, (np.arange(48) + 0.5) / 48), axis=2).reshape(-1, 2)
-    descent, launcher = descent_at(problem_of(np.ones((1, 1)), boundary, 48**2), position)
+    descent, launcher = descent_at(problem_of(np.ones((1, 1)), boundary, 48**2), position, device)
     try:
         asked = descent.field.attraction.numpy().copy()
         descent.correct_targets()
