@@ -414,7 +414,7 @@ def kept_far_field(system: Dots, x: np.ndarray, *, every: int, then: Optimizer) 
     def evaluate_some(position: wp.array, result: wp.array) -> None:
         nonlocal count
         fresh = count % every == 0
-        field._deposit, field._solve_far_field = parts if fresh else (lambda: None, lambda: None)
+        field._deposit, field._solve_far_field = parts if fresh else (lambda *_: None, lambda: None)
         system.cost = 1.0 if fresh else NEAR_SHARE
         count += 1
         evaluate(position, result)

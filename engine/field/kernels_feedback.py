@@ -131,12 +131,12 @@ def change_factors(
 ):
     """Ask for less where charges are denser than asked for, and for more where they are sparser.
 
-    Factors stay as they are where the density is ``sparse``, over its mean, where a quarter of what the Gaussian sees is no ``ground``
-    of it, and where bodies do not follow it; so do those of groups whose density was not blurred, which is 0 then.
+    Factors stay as they are where the density is ``sparse``, over its mean, where two fifths of what the Gaussian sees are no
+    ``ground`` of it, and where bodies do not follow it; so do those of groups whose density was not blurred, which is 0 then.
     """
     i = first + wp.tid()
     counts = wp.clamp(asked[i] / (sparse * mean[i / nodes]) - 1.0, 0.0, 1.0)
-    counts *= wp.clamp(4.0 * ground[i] - 3.0, 0.0, 1.0)
+    counts *= wp.clamp(2.5 * ground[i] - 1.5, 0.0, 1.0)
     if counts > 0.0:
         off = surplus[i] / asked[i]
         counts *= wp.clamp((not_followed - wp.abs(off)) / (not_followed - followed), 0.0, 1.0)

@@ -36,6 +36,9 @@ class Bookmarks:
         self._launcher = launcher
         self._all: list[Bookmark] = []
 
+    def __len__(self) -> int:
+        return len(self._all)
+
     def add(self, bookmark: Bookmark) -> Bookmark:
         """Hold a bookmark; return it."""
         self._all.append(bookmark)

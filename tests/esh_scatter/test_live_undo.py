@@ -127,11 +127,11 @@ def test_only_so_many_results_are_there_to_go_back_to(scatter, follow, monkeypat
         scatter.classes["Pine"].sizes[0].count = count
         follow()
     worker = one._worker
-    assert len(worker._earlier) == earlier_results.MOST_EARLIER == len(worker._solver._bookmarks)
+    assert len(worker._earlier) == earlier_results.MOST_EARLIER == len(worker._solver._placing.bookmarks)
     monkeypatch.setattr(earlier_results, "MOST_BODIES_EARLIER", 1000)
     scatter.classes["Pine"].sizes[0].count = 200
     follow()
-    assert len(worker._earlier) == 2 == len(worker._solver._bookmarks)
+    assert len(worker._earlier) == 2 == len(worker._solver._placing.bookmarks)
 
 
 def a_class_of_a_collection(scatter):
