@@ -30,7 +30,7 @@ from .near_tiles import every_other, lots_of
 from .target_correction import TargetCorrection
 from .target_feedback import TargetFeedback
 
-__all__ = ["Field", "FieldTarget"]
+__all__ = ["Field", "FieldTarget", "counts_of"]
 
 # Bands of cells that CPU threads deposit the charges of, for every thread: enough that a crowded one keeps no thread waiting.
 BANDS_PER_THREAD = 8
@@ -385,11 +385,13 @@ def _followers(charge_of_image: np.ndarray, charge_group: np.ndarray) -> list[fl
     share = charge_of_image / np.maximum(charge_of_image.sum(axis=1, keepdims=True), 1e-300)
     if len(share) == 1:
         return (len(charge_group) * share[0]).tolist()
-    return (_counts_of(charge_group, len(share)) @ share).tolist()
+    return (counts_of(charge_group, len(share)) @ share).tolist()
 
 
-def _counts_of(group: np.ndarray, count: int) -> np.ndarray:
-    """Number of charges of every group; most lie group after group, which takes a third of the time."""
+def counts_of(group: np.ndarray, count: int) -> np.ndarray:
+    """Number of charges or bodies of every group; most lie group after group, which takes a third of the time."""
+    if count == 1:
+        return np.array([len(group)])
     if (group[1:] >= group[:-1]).all():
         return np.diff(np.searchsorted(group, np.arange(count + 1, dtype=group.dtype)))
     return np.bincount(group, minlength=count)

@@ -21,6 +21,11 @@ __all__ = [
 
 wp.set_module_options({"enable_backward": False})
 
+# Factors change where more than three fifths of what the Gaussian sees is ground of the density, and wholly where all of it is: beyond
+# an edge there are no mirrors, and bodies that stand a little within it are no lack. From a half on, errors at 1 spacing on islands
+# are a fifth larger than without; from three quarters on, clumps on a disc are off by a fifth more at 4 spacings.
+PER_GROUND, LESS_GROUND = wp.constant(2.5), wp.constant(1.5)
+
 
 @wp.struct
 class Coarse:
@@ -136,7 +141,7 @@ def change_factors(
     """
     i = first + wp.tid()
     counts = wp.clamp(asked[i] / (sparse * mean[i / nodes]) - 1.0, 0.0, 1.0)
-    counts *= wp.clamp(2.5 * ground[i] - 1.5, 0.0, 1.0)
+    counts *= wp.clamp(PER_GROUND * ground[i] - LESS_GROUND, 0.0, 1.0)
     if counts > 0.0:
         off = surplus[i] / asked[i]
         counts *= wp.clamp((not_followed - wp.abs(off)) / (not_followed - followed), 0.0, 1.0)

@@ -9,13 +9,14 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
-from ..field.field import Field, FieldTarget
+from ..field.field import Field, FieldTarget, counts_of
 from ..field.mirrored_field import COPIES, MirroredField
 from ..field.target_feedback import feedback_widths
 from ..model.attraction import group_targets
 from ..model.body_flags import BodyFlags
 from ..model.model import Model
 from ..model.occupied_part import occupied_part
+from ..problem.of_bodies import distinct
 from ..space.asked_counts import typical_spacing
 from . import kernels_descent
 
@@ -102,10 +103,10 @@ class Forces:
 
     def _prepare_feedback(self, model: Model) -> None:
         """Make ready for targets that are corrected, unless bodies are pinned: others are not to make up for how those stand."""
-        if (model.body.flags & BodyFlags.PINNED).any():
+        if (distinct(model.body.flags) & BodyFlags.PINNED).any():
             return
         layout = self.field.layout
-        counts = np.bincount(model.body.group, minlength=self.field.group_count)
+        counts = counts_of(model.body.group, self.field.group_count)
         width = feedback_widths(counts, model.size if layout.whole is layout.space else layout.space.size)
         if width.any():
             self.field.prepare_feedback(width)
