@@ -322,9 +322,9 @@ def listening():
     return [hook for handlers, hook in live._hooks() if hook in handlers]
 
 
-@pytest.mark.skipif(not hasattr(bpy.app, "memory_usage_undo"), reason="this Blender does not tell of steps")
 def test_undo_is_listened_to_no_longer_once_a_step_holds_what_live_has_made(scatter, follow):
-    """As in the sidebar: the switch makes a step of its own."""
+    """As in the sidebar: the switch makes a step of its own. Blender 4.5 does not tell of steps: it is listened to as before."""
+    hooks = 0 if hasattr(bpy.app, "memory_usage_undo") else 4
     undo, redo = bpy.ops.ed.undo, bpy.ops.ed.redo
     bpy.ops.ed.undo_push(message="made")
     scatter.live = True
@@ -337,12 +337,13 @@ def test_undo_is_listened_to_no_longer_once_a_step_holds_what_live_has_made(scat
     active().live = False
     bpy.ops.ed.undo_push(message="live no longer")
     follow()
-    assert not listening() and not live._followed
+    assert len(listening()) == hooks and not live._followed
     shown, ready = len(points()), active().report_json
     for step in (undo, undo, undo, redo, redo, redo):
         step()
         assert leads_to_nothing_that_is_gone()
     follow()
+    # Undo and redo have shown all of it by now, on either.
     assert not listening() and len(points()) == shown and active().report_json == ready
     for step in (undo, undo):
         step()
