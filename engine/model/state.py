@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Self
+from zipfile import BadZipFile
 
 import numpy as np
 import warp as wp
@@ -43,22 +44,32 @@ class StateArrays:
         for name, array in self._arrays().items():
             given = getattr(other, name)
             if given.shape != array.shape:
-                raise ProblemError(f"`{name}` must have shape {array.shape}; got {given.shape}")
+                raise ProblemError(
+                    f"`{name}` must have shape {array.shape}; got {given.shape}: this is the state of another problem"
+                )
 
     def save(self, path: str | Path) -> None:
-        """Write the state as `.npz`."""
+        """Write the state as `.npz`, which is added to the name where it lacks."""
         np.savez(
             path, steps=self.steps, unit=self.unit, **{name: array.numpy() for name, array in self._arrays().items()}
         )
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read what :meth:`save` has written, onto the CPU."""
-        with np.load(path) as stored:
-            arrays: dict[str, Any] = {
-                name: wp.array(stored[name], dtype=kind, device="cpu") for name, kind in cls.KINDS.items()
-            }
-            return cls(**arrays | {"steps": stored["steps"].astype(np.int32), "unit": stored["unit"]})
+        """Read what :meth:`save` has written, onto the CPU.
+
+        Raises:
+            ProblemError: A file that holds something else.
+            OSError: No such file.
+        """
+        try:
+            with np.load(path) as stored:
+                arrays: dict[str, Any] = {
+                    name: wp.array(stored[name], dtype=kind, device="cpu") for name, kind in cls.KINDS.items()
+                }
+                return cls(**arrays | {"steps": stored["steps"].astype(np.int32), "unit": stored["unit"]})
+        except (ValueError, KeyError, TypeError, RuntimeError, EOFError, BadZipFile) as error:
+            raise ProblemError(f"{path} holds no {cls.__name__} that this version has saved") from error
 
     def _arrays(self) -> dict[str, wp.array]:
         return {name: getattr(self, name) for name in self.KINDS}

@@ -72,7 +72,7 @@ def test_a_state_of_another_problem_is_refused():
     with Solver(problem_of("dots"), device="cpu") as solver:
         state = solver.state.copy()
     other = Problem(Domain((30.0, 20.0)), [BodyClass("a", [Size("s", 0.4, 7)])])
-    with pytest.raises(ProblemError, match="`pose` must have shape"):
+    with pytest.raises(ProblemError, match=r"`pose` must have shape.*: this is the state of another problem"):
         Solver(other, device="cpu", state=state)
 
 
@@ -232,3 +232,14 @@ def test_the_plane_and_surfaces_have_one_interface(placing):
     common = {*dir(Placing), *Placing.__annotations__}
     assert {name for name in dir(placing) if name[0] != "_"} == {name for name in common if name[0] != "_"}
     assert not placing.__abstractmethods__
+
+
+def test_a_file_that_holds_no_state_is_named(tmp_path):
+    """NumPy spoke of pickled data, of a zip file, or of a key."""
+    text, other, table = (tmp_path / name for name in ("a.npz", "b.npz", "c.npy"))
+    text.write_text("no state")
+    np.savez(other, pose=np.zeros((3, 4)))
+    np.save(table, np.zeros(3))
+    for path in (text, other, table):
+        with pytest.raises(ProblemError, match=f"{path.name} holds no State"):
+            State.load(path)
