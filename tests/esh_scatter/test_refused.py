@@ -232,6 +232,7 @@ OF_SCRIPTS = {
     "edits/given_places.py checked_identities": 1,
     "model/body_flags.py checked_flags": 1,
     "model/state.py StateArrays.check": 1,
+    "model/state.py StateArrays.load": 1,
 }
 # What Blender's side asks for by names, which these sentences say: UV maps, vertex groups, attributes.
 IN_WORDS_OF_BLENDER = {
