@@ -17,7 +17,8 @@ from .clumps_at_large import Grid, as_dense_at_large, memory_at_large
 from .domain import Domain
 from .machine_memory import format_bytes, machine_memory
 from .prepared_class import PreparedClass
-from .wave_filter import fast_length, filter_waves, stretched
+from .random_numbers import random_shares
+from .wave_filter import fast_length, filter_waves, from_cosines, stretched
 
 __all__ = [
     "PIXELS_PER_CLUMP",
@@ -29,6 +30,8 @@ __all__ = [
     "occupied",
     "pushed_out_at",
     "share_at_large",
+    "waves_by_number",
+    "waves_of_noise",
     "with_clumps",
 ]
 
@@ -40,7 +43,10 @@ WAVELENGTH = 2.0
 # Logarithm of the density, at the strongest, where the field is at its standard deviation; and where the field is cut off.
 CONTRAST, HIGHEST = 1.3, 2.0
 # Width of the band of wave numbers, over its middle: narrow ones have clumps in rows, wide ones clumps of all sizes.
-BAND = 0.25
+# Beyond so many widths there are no waves.
+BAND, WIDTHS_OF_BAND = 0.25, 4.0
+# More waves than go into a domain along one side.
+NUMBERS = 2**24
 # Over that middle: what the factor on the density has less of than the first is taken away, and above the second all is kept.
 LOWEST_WAVES = (0.6, 0.9)
 # The factor on the density is at least this, about: nowhere does a class lose its ground.
@@ -84,7 +90,7 @@ def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int
     shape = _shape(image, size, domain, body_class.name)
     times = [n // own for n, own in zip(shape, image.shape, strict=True)]
     fine = np.repeat(np.repeat(image.astype(np.float64), times[0], axis=0), times[1], axis=1)
-    factor = _factor(shape, size, domain, body_class.clustering, np.random.default_rng([seed, 8, index]))
+    factor = _factor(shape, size, domain, body_class.clustering, [seed, 8, index])
     grid = _grid(domain, shape)
     factor *= fine
     clumped = as_dense_at_large(fine, factor, grid, WAVELENGTH * size, share_at_large(fine, grid.pixel, size))
@@ -162,12 +168,12 @@ def memory_of_clumps(shape: Sequence[int], size: float, domain: Domain) -> int:
     return BYTES_PER_PIXEL_OF_CLUMPS * shape[0] * shape[1] + at_large
 
 
-def _factor(
-    shape: tuple[int, int], size: float, domain: Domain, clustering: float, random: np.random.Generator
-) -> np.ndarray:
+def _factor(shape: tuple[int, int], size: float, domain: Domain, clustering: float, seed: list[int]) -> np.ndarray:
     """What a density is multiplied by at an image's pixels: clumps, and nothing of longer waves."""
     count = [_length_of_transform(math.ceil(PIXELS_PER_CLUMP * length / size)) for length in domain.size[::-1]]
-    factor = clump_factor(random.standard_normal(count), _grid(domain, count), size, clustering, measured=True)
+    grid = _grid(domain, count)
+    waves = waves_by_number(count, grid, size, seed)
+    factor = clump_factor(waves / _not_nothing(float(waves.std())), grid, size, clustering, measured=True)
     return stretched(stretched(factor, shape[0], domain.periodic).T, shape[1], domain.periodic).T
 
 
@@ -176,49 +182,98 @@ def _grid(domain: Domain, shape: Sequence[int]) -> Grid:
     return Grid([length / many for length, many in zip(domain.size[::-1], shape, strict=True)], domain.periodic)
 
 
-def clump_factor(noise: np.ndarray, grid: Grid, size: float, clustering: float, *, measured: bool) -> np.ndarray:
+def waves_by_number(shape: Sequence[int], grid: Grid, size: float, seed: list[int]) -> np.ndarray:
+    """Return a random field of waves as long as clumps are apart, shape ``[height, width]``; of any standard deviation.
+
+    How strong a wave is, and its phase, follow from how often it goes into the domain. So a little more or less of ``size``, as an
+    edit makes it that changes how many bodies there are, shifts all waves' weights a little, and clumps stay where they are.
+
+    Args:
+        shape: Of the field.
+        grid: What its pixels are.
+        size: Diameter of a clump [m].
+        seed: From which the waves follow.
+    """
+    band = _band(shape, grid, size)
+    row, column = np.flatnonzero(band.any(axis=1)), np.flatnonzero(band.any(axis=0))
+    # Of waves that wrap the second half of the rows goes the other way.
+    times = np.where(row <= shape[0] // 2, row, row - shape[0]) if grid.wraps else row
+    number = (times[:, None] + NUMBERS // 2) * NUMBERS + column
+    # Normally distributed (Box and Muller, 1958).
+    radius = np.sqrt(-2.0 * np.log1p(-random_shares(number, [*seed, 0])))
+    angle = (2.0 * math.pi) * random_shares(number, [*seed, 1])
+    strength = radius * np.cos(angle) if not grid.wraps else radius * np.exp(1j * angle)
+    if grid.wraps:
+        # Those across alone stand twice in the spectrum, and add up to one.
+        strength[:, column == 0] *= math.sqrt(2.0)
+    spectrum = np.zeros(band.shape, strength.dtype)
+    spectrum[np.ix_(row, column)] = strength
+    spectrum *= band
+    return np.fft.irfft2(spectrum, shape) if grid.wraps else from_cosines(spectrum)
+
+
+def waves_of_noise(noise: np.ndarray, grid: Grid, size: float) -> np.ndarray:
+    """Return of noise the waves as long as clumps are apart, of its shape; of standard deviation 1 on average.
+
+    Parts of a larger field agree where their noise does.
+
+    Args:
+        noise: Random numbers of which none depends on another, of mean 0 and standard deviation 1, shape ``[height, width]``.
+        grid: What the pixels are.
+        size: Diameter of a clump [m].
+    """
+    band = _band(noise.shape, grid, size)
+    return filter_waves(noise, band, grid.wraps) / _not_nothing(math.sqrt(float((band**2).mean())))
+
+
+def clump_factor(waves: np.ndarray, grid: Grid, size: float, clustering: float, *, measured: bool) -> np.ndarray:
     """Return what a density is multiplied by so that it has clumps, shape ``[height, width]``.
 
     Args:
-        noise: Random numbers of which none depends on another, of mean 0 and standard deviation 1, of that shape.
+        waves: Where it is dense: a random field of that shape, of mean 0 and standard deviation 1.
         grid: What the pixels are.
         size: Diameter of a clump [m].
         clustering: How strong clumps are.
-        measured: Whether the strength of these waves, and the mean of what comes of them, are measured; otherwise they are what
-            they are on average, so that parts of a larger field agree.
+        measured: Whether the mean of what comes of the waves is measured; otherwise it is what it is on average, so that parts of a
+            larger field agree.
     """
-    rows, columns = noise.shape
-    pixel, wraps = grid
-    if wraps:
-        wave = np.hypot(np.fft.fftfreq(rows, pixel[0])[:, None], np.fft.rfftfreq(columns, pixel[1])[None, :])
-    else:
-        # What does not wrap goes on as in mirrors, and is made of cosines: clumps at an edge are whole ones.
-        along_y, along_x = (
-            0.5 * np.arange(many) / (many * step) for many, step in zip(noise.shape, pixel, strict=True)
-        )
-        wave = np.hypot(along_y[:, None], along_x[None, :])
-    wave *= WAVELENGTH * size
-    factor = np.exp(CONTRAST * clustering * _waves(noise, wave, wraps, measured))
+    factor = np.exp(CONTRAST * clustering * np.clip(waves, -HIGHEST, HIGHEST))
     factor /= factor.mean() if measured else _mean_factor(CONTRAST * clustering)
     low, high = LOWEST_WAVES
     # In place, as all of this: grids may have millions of pixels.
+    wave = _wave_numbers(waves.shape, grid, size)
     kept = np.clip((wave - low) / (high - low), 0.0, 1.0, out=wave)
     kept *= kept * (3.0 - 2.0 * kept)
     for _ in range(min(TIMES, max(FEWEST_TIMES, PIXELS_IN_ALL // factor.size))):
         # What is cut off below has long waves again, though fewer.
-        factor = 1.0 + filter_waves(np.maximum(factor, LEAST_FACTOR) - 1.0, kept, wraps)
+        factor = 1.0 + filter_waves(np.maximum(factor, LEAST_FACTOR) - 1.0, kept, grid.wraps)
     return np.maximum(factor, 0.5 * LEAST_FACTOR)
 
 
-def _waves(noise: np.ndarray, wave: np.ndarray, wraps: bool, measured: bool) -> np.ndarray:
-    """Of noise the waves as long as clumps are apart, of standard deviation 1 but for its peaks."""
-    band = np.exp(-0.5 * ((wave - 1.0) / BAND) ** 2)
+def _wave_numbers(shape: Sequence[int], grid: Grid, size: float) -> np.ndarray:
+    """Wave numbers of a transform's waves, over that of clumps."""
+    (rows, columns), (pixel, wraps) = shape, grid
+    if wraps:
+        wave = np.hypot(np.fft.fftfreq(rows, pixel[0])[:, None], np.fft.rfftfreq(columns, pixel[1])[None, :])
+    else:
+        # What does not wrap goes on as in mirrors, and is made of cosines: clumps at an edge are whole ones.
+        along_y, along_x = (0.5 * np.arange(many) / (many * step) for many, step in zip(shape, pixel, strict=True))
+        wave = np.hypot(along_y[:, None], along_x[None, :])
+    wave *= WAVELENGTH * size
+    return wave
+
+
+def _band(shape: Sequence[int], grid: Grid, size: float) -> np.ndarray:
+    """How strong a transform's waves are: those about as long as clumps are apart, and none that are far from it."""
+    away = np.abs(_wave_numbers(shape, grid, size) - 1.0) / BAND
+    band = np.where(away < WIDTHS_OF_BAND, np.exp(-0.5 * away**2), 0.0)
     band[0, 0] = 0.0
-    waves = filter_waves(noise, band, wraps)
-    deviation = float(waves.std()) if measured else math.sqrt(float((band**2).mean()))
-    # Where the domain is smaller than a clump there is next to nothing.
-    waves /= max(deviation, 1e-9)
-    return np.clip(waves, -HIGHEST, HIGHEST)
+    return band
+
+
+def _not_nothing(deviation: float) -> float:
+    """Standard deviation to divide by: where the domain is smaller than a clump there is next to nothing."""
+    return max(deviation, 1e-9)
 
 
 def _mean_factor(contrast: float) -> float:

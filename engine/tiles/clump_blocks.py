@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..problem.clumps import PIXELS_PER_CLUMP, WAVELENGTH, clump_factor
+from ..problem.clumps import PIXELS_PER_CLUMP, WAVELENGTH, clump_factor, waves_of_noise
 from ..problem.clumps_at_large import Grid, as_dense_at_large
 from ..problem.random_numbers import random_shares
 from .bodies import written_atomically
@@ -172,7 +172,8 @@ def _made(clumps: Clumps, source: Source, down: Axis, across: Axis) -> np.ndarra
     # As random as normal ones: every wave has a part of many of them.
     noise = math.sqrt(12.0) * (random_shares(number, list(clumps.seed)) - 0.5)
     grid = Grid([length / many for length, many in zip(clumps.extent[::-1], clumps.shape, strict=True)], wraps=False)
-    factor = clump_factor(noise, grid, clumps.size, clumps.clustering, measured=False)
+    waves = waves_of_noise(noise, grid, clumps.size)
+    factor = clump_factor(waves, grid, clumps.size, clumps.clustering, measured=False)
     clumped = as_dense_at_large(asked, asked * factor, grid, WAVELENGTH * clumps.size, clumps.share, clumps.pushed_out)
     return np.divide(clumped, asked, out=factor, where=asked > 0.0)
 
