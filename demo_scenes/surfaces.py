@@ -15,6 +15,7 @@ Every scene checks itself: the counts are exact, and everything stands on its ta
 from __future__ import annotations
 
 import argparse
+import itertools
 import sys
 import time
 from collections.abc import Callable
@@ -341,19 +342,33 @@ def rocks(device: str) -> list[Scattered]:
 
 
 def _add_yard() -> None:
-    """Add what the boat stands on."""
+    """Add what the boat stands on, slabs of concrete around it, and a boarded shed behind it."""
+    rng = np.random.default_rng(SEED)
     wood = mottled("Timber", [(0.3, (0.19, 0.12, 0.065)), (0.7, (0.34, 0.23, 0.13))], 0.25, roughness=0.9, bump=0.004)
     for x in (-1.15, 0.55):
         block = _object("Block", shapes.box((0.3, 1.1, 0.2)), wood, smooth=False)
         block.location = (x, 0.0, 0.1)
-    concrete = mottled(
-        "Concrete", [(0.3, (0.26, 0.25, 0.235)), (0.7, (0.38, 0.37, 0.35))], 1.4, roughness=0.9, bump=0.01, fine=0.05
-    )
-    _object(
-        "Yard",
-        (np.array([(-40, -40, 0), (40, -40, 0), (40, 40, 0), (-40, 40, 0)], float), np.array([(0, 1, 2, 3)])),
-        concrete,
-    )
+    for x, side in ((-1.9, 1), (-1.9, -1), (1.35, 1)):
+        foot, head = Vector((x, side * 1.35, 0.0)), Vector((x, side * 0.7, 0.98))
+        prop = _object("Prop", shapes.box((0.09, 0.09, (head - foot).length)), wood, smooth=False)
+        prop.location, prop.rotation_euler = (foot + head) / 2.0, (head - foot).to_track_quat("Z", "Y").to_euler()
+    gray = [(0.3, (0.17, 0.16, 0.15)), (0.7, (0.3, 0.285, 0.26))]
+    concrete = mottled("Concrete", gray, 0.8, roughness=0.9, bump=0.004, fine=0.05)
+    joint = mottled("Joint", [(0.3, (0.035, 0.033, 0.03)), (0.7, (0.07, 0.065, 0.055))], 0.3)
+    ground = np.array([(-40, -40, -0.02), (40, -40, -0.02), (40, 40, -0.02), (-40, 40, -0.02)], float)
+    _object("Yard", (ground, np.array([(0, 1, 2, 3)])), joint)
+    for x, y in itertools.product(np.arange(-9.0, 9.0, 1.5), np.arange(-4.5, 4.6, 1.5)):
+        slab = _object("Slab", shapes.box((1.47, 1.47, 0.1)), concrete, smooth=False)
+        slab.location = (x, y, -0.05)
+        slab.rotation_euler = (*rng.uniform(-0.004, 0.004, 2), rng.uniform(-0.004, 0.004))
+    hues = [(0.0, (0.045, 0.1, 0.12)), (0.5, (0.07, 0.14, 0.16)), (1.0, (0.12, 0.2, 0.21))]
+    boards = [
+        mottled(f"Board {number}", [(0.2, tuple(0.7 * c for c in hue)), (0.8, hue)], 0.4, bump=0.002)
+        for number, (_, hue) in enumerate(hues)
+    ]
+    for x in np.arange(-30.0, 9.0, 0.19):
+        board = _object("Board", shapes.box((0.18, 0.03, 3.2)), boards[rng.integers(3)], smooth=False)
+        board.location = (x, 5.2 + rng.uniform(0.0, 0.012), 1.6)
 
 
 def _boat_parts() -> list[bpy.types.Object]:
@@ -454,8 +469,8 @@ def boat(device: str) -> list[Scattered]:
     )
     # end: scatter
     _add_yard()
-    set_light(scene, (0.5, -0.8, 0.32), 4.0, (0.6, 0.74, 0.92), 1.0, (1.0, 0.87, 0.7))
-    camera = add_camera(scene, "Boat", (4.3, -3.9, 0.7), (0.25, 0.0, 0.92), lens=36.0, clip_end=200.0)
+    set_light(scene, (0.55, -0.8, 0.34), 4.6, (0.6, 0.74, 0.92), 0.9, (1.0, 0.85, 0.66))
+    camera = add_camera(scene, "Boat", (4.25, -3.55, 0.62), (0.32, 0.0, 0.86), lens=36.0, clip_end=200.0)
     scene.camera = camera
     return [Scattered(result, targets)]
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,6 +40,8 @@ __all__ = [
 # Diameter of a clump where none is given, in mean spacings of the class; two clumps are twice as far apart, so that there are some
 # twenty bodies for each.
 SPACINGS = 2.5
+# A chosen diameter is a power of this: most edits, as a stroke over a density, leave it and so all clumps as they are.
+SIZE_STEP = 1.08
 # A wavelength is a clump and the gap beside it.
 WAVELENGTH = 2.0
 # Logarithm of the density, at the strongest, where the field is at its standard deviation; and where the field is cut off.
@@ -67,6 +71,8 @@ PIXELS_IN_ALL = 24 * 2**20
 LONG_SIDE = 1024
 # Mean square of the factor on a density, less 1, at these strengths.
 STRENGTHS, CROWDING = (0.0, 0.25, 0.5, 0.75, 1.0), (0.0, 0.07, 0.295, 0.66, 1.1)
+# Densities with clumps, and what densities are multiplied by, that are kept, each of no more pixels than these.
+MOST_KEPT, MOST_PIXELS_KEPT = 8, 2**21
 # At the peak, measured: the grid of waves and what is filtered [bytes].
 BYTES_PER_PIXEL_OF_CLUMPS = 36
 
@@ -87,24 +93,52 @@ def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int
         return body_class
     image = body_class.density_image
     size = clump_size_of(body_class.clump_size, domain, body_class.body_count, occupied(image))
-    shape = _shape(image, size, domain, body_class.name)
-    times = [n // own for n, own in zip(shape, image.shape, strict=True)]
+    own = _Own(_shape(image, size, domain, body_class.name), size, domain, body_class.clustering, (seed, 8, index))
+    if max(math.prod(own.shape), image.size) <= MOST_PIXELS_KEPT:
+        return replace(body_class, density_image=_clumped_again(image.tobytes(), image.shape, image.dtype.str, own))
+    return replace(body_class, density_image=_clumped(image, own))
+
+
+class _Own(NamedTuple):
+    """What clumps of a class follow from, beside its density."""
+
+    shape: tuple[int, int]
+    size: float
+    domain: Domain
+    clustering: float
+    seed: tuple[int, ...]
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _clumped_again(pixels: bytes, shape: tuple[int, ...], kind: str, own: _Own) -> np.ndarray:
+    """What :func:`_clumped` made of a density, also for the next problems: most edits leave densities of most classes as they are."""
+    density = _clumped(np.frombuffer(pixels, kind).reshape(shape), own)
+    density.setflags(write=False)
+    return density
+
+
+def _clumped(image: np.ndarray, own: _Own) -> np.ndarray:
+    """A density with clumps, float32, shape ``own.shape``."""
+    times = [many // few for many, few in zip(own.shape, image.shape, strict=True)]
     fine = np.repeat(np.repeat(image.astype(np.float64), times[0], axis=0), times[1], axis=1)
-    factor = _factor(shape, size, domain, body_class.clustering, [seed, 8, index])
-    grid = _grid(domain, shape)
-    factor *= fine
-    clumped = as_dense_at_large(fine, factor, grid, WAVELENGTH * size, share_at_large(fine, grid.pixel, size))
-    return replace(body_class, density_image=clumped.astype(np.float32))
+    grid = _grid(own.domain, own.shape)
+    clumped = fine * _factor(own)
+    share = share_at_large(fine, grid.pixel, own.size)
+    return as_dense_at_large(fine, clumped, grid, WAVELENGTH * own.size, share).astype(np.float32)
 
 
 def clump_size_of(asked: float, domain: Domain, body_count: int, share: float) -> float:
     """Diameter of the clumps of a class [m] that stands on so large a :func:`share <occupied>` of a domain.
 
-    Where none is ``asked`` for it follows from the class's spacing, but an image that shows them has no more than so many pixels.
+    Where none is ``asked`` for it follows from the class's spacing, in steps, but an image that shows them has no more than so many
+    pixels.
     """
+    if asked:
+        return asked
     over_domain = SPACINGS * math.sqrt(domain.area / max(body_count, 1))
     shown = PIXELS_PER_CLUMP * max(domain.size) / LONG_SIDE
-    return asked or max(over_domain * math.sqrt(share), min(over_domain, shown))
+    size = max(over_domain * math.sqrt(share), min(over_domain, shown))
+    return float(SIZE_STEP ** round(math.log(size) / math.log(SIZE_STEP)))
 
 
 def occupied(density: np.ndarray) -> float:
@@ -168,13 +202,23 @@ def memory_of_clumps(shape: Sequence[int], size: float, domain: Domain) -> int:
     return BYTES_PER_PIXEL_OF_CLUMPS * shape[0] * shape[1] + at_large
 
 
-def _factor(shape: tuple[int, int], size: float, domain: Domain, clustering: float, seed: list[int]) -> np.ndarray:
+def _factor(own: _Own) -> np.ndarray:
     """What a density is multiplied by at an image's pixels: clumps, and nothing of longer waves."""
-    count = [_length_of_transform(math.ceil(PIXELS_PER_CLUMP * length / size)) for length in domain.size[::-1]]
-    grid = _grid(domain, count)
-    waves = waves_by_number(count, grid, size, seed)
-    factor = clump_factor(waves / _not_nothing(float(waves.std())), grid, size, clustering, measured=True)
-    return stretched(stretched(factor, shape[0], domain.periodic).T, shape[1], domain.periodic).T
+    count = [_length_of_transform(math.ceil(PIXELS_PER_CLUMP * length / own.size)) for length in own.domain.size[::-1]]
+    make = _coarse_factor_again if math.prod(count) <= MOST_PIXELS_KEPT else _coarse_factor
+    factor, wraps = make((count[0], count[1]), own._replace(shape=(0, 0))), own.domain.periodic
+    return stretched(stretched(factor, own.shape[0], wraps).T, own.shape[1], wraps).T
+
+
+def _coarse_factor(count: tuple[int, int], own: _Own) -> np.ndarray:
+    """The same at as many pixels as clumps need."""
+    grid = _grid(own.domain, count)
+    waves = waves_by_number(count, grid, own.size, list(own.seed))
+    return clump_factor(waves / _not_nothing(float(waves.std())), grid, own.size, own.clustering, measured=True)
+
+
+# For the next problems, too: a brush changes a density, and not what it is multiplied by.
+_coarse_factor_again = lru_cache(maxsize=MOST_KEPT)(_coarse_factor)
 
 
 def _grid(domain: Domain, shape: Sequence[int]) -> Grid:

@@ -24,11 +24,11 @@ AT_LARGE, NODES_ALONG = 0.92, 4.0
 REACH_OF_BLUR = 4.5
 # How often the factor is multiplied by what lacks; of many nodes less often, so that nodes times rounds are no more than these. With
 # 56 rounds 4,096 bodies in clumps on a disc are off by five times as much at 4 spacings as without clumps, with 200 by two and a half
-# times, and with these by less than one and a half times.
-ROUNDS, FEWEST_ROUNDS, NODES_IN_ALL = 600, 24, 24 * 2**20
+# times, and with these by one and a half times; with twice as many by as much.
+ROUNDS, FEWEST_ROUNDS, NODES_IN_ALL = 440, 24, 24 * 2**20
 # Rounds are slow for waves of which the Gaussian leaves little, above all those along edges. So first, for this share of the rounds,
-# it is multiplied by so many terms of its inverse's series, with which more of them is left.
-FIRST_SHARE, TERMS = 0.8, 2
+# it is multiplied by so many terms of its inverse's series, with which more of them is left. Forty rounds without are enough.
+FIRST_SHARE, TERMS = 0.91, 2
 # So much of its logarithm the factor loses in every round, once in so many: where next to nothing lacks, it has no reason to be
 # anything but 1, and clumps keep .94 of the density's deviation from its mean. Without it .92; with twice as much squares are off by
 # two fifths more.
@@ -76,7 +76,7 @@ def as_dense_at_large(
     width = AT_LARGE * wavelength
     nodes, step, padded = _nodes(asked.shape, grid, width)
     axes = [_Axis(many, count, grid.wraps) for many, count in zip(asked.shape, nodes, strict=True)]
-    wanted = asked + pushed_out * _spreading(asked, clumped, grid)
+    wanted = asked + pushed_out * _spreading(asked, clumped, grid) if pushed_out else asked
     everywhere = np.ones(nodes)
     sums = _Sums(clumped, axes)
     sums_wanted = share * _Sums(wanted, axes)(everywhere) + (1.0 - share) * sums(everywhere)
