@@ -69,7 +69,7 @@ class PlacingSettings(Settings):
     clump_size: float = field(
         default=0.0,
         metadata=setting(
-            "Diameter of a clump. 0 chooses 2.5 times the mean spacing of the class",
+            "Diameter of a clump. 0 chooses about 2.5 times the mean spacing of the class",
             more="Requires ``clustering``",
             unit="m",
             low=0.0,
