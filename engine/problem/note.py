@@ -17,6 +17,8 @@ class NoteKind(StrEnum):
     COVER = "cover"
     # Coverage errors are large because of how large some bodies are, or because of where fixed ones are; saved reports call both so.
     ERROR_OF_FEW = "unequal areas"
+    # Which classes leave room around much larger bodies of others, so that their coverage errors are large.
+    AROUND_LARGER = "around larger"
 
 
 class Note(str):

@@ -10,7 +10,7 @@ import numpy as np
 from ..problem.note import Note, NoteKind
 from ..problem.placement import Placement
 
-__all__ = ["notes_on_areas", "notes_on_errors"]
+__all__ = ["notes_on_areas", "notes_on_errors", "notes_on_larger_classes"]
 
 # Coverage errors above which somebody asks why; and how many times more bodies there are than equal ones that would be as coarse.
 UNEVEN, MOST_OF_FEW = 0.15, 4.0
@@ -34,6 +34,8 @@ def notes_on_errors(
         if errors[k] > UNEVEN and (part := excess(k)) > MOSTLY * errors[k]:
             left[k], made[k] = 0.0, part
     notes = notes_on_areas(area, placement.class_index, left)
+    if placement.problem.balance.class_separation > 0.0:
+        notes += notes_on_larger_classes(area, placement.class_index, left, [c.name for c in classes])
     if made:
         most = max(made, key=made.__getitem__)
         of_class = f' of class "{classes[most].name}"' if len(classes) > 1 else ""
@@ -52,9 +54,7 @@ def notes_on_areas(area: np.ndarray, class_index: np.ndarray, errors: Sequence[f
     """
     if max(errors) <= UNEVEN:
         return []
-    count, total, squares = (np.bincount(class_index, w, len(errors)) for w in (None, area, np.square(area)))
-    # Equal bodies that are as coarse as these: the square of all charge over the sum of its squares.
-    if (np.greater(errors, UNEVEN) & (total**2 * MOST_OF_FEW < count * squares)).any():
+    if (np.greater(errors, UNEVEN) & _coarse(*_summed(area, class_index, len(errors)))).any():
         return [
             Note(
                 "some bodies are so much larger than most that the space around them counts as uneven: coverage errors look no "
@@ -63,3 +63,43 @@ def notes_on_areas(area: np.ndarray, class_index: np.ndarray, errors: Sequence[f
             )
         ]
     return []
+
+
+def notes_on_larger_classes(
+    area: np.ndarray, class_index: np.ndarray, errors: Sequence[float], names: Sequence[str]
+) -> list[str]:
+    """Say which classes leave room around much larger bodies of others, which counts as uneven, and what helps.
+
+    All classes together are even where every body has ground in proportion to its area; so grass keeps clear of trees.
+
+    Args:
+        area: Footprints of the bodies [m²], shape ``[n]``.
+        class_index: Their classes, shape ``[n]``.
+        errors: Coverage errors of the classes.
+        names: Of the classes.
+    """
+    if max(errors) <= UNEVEN:
+        return []
+    sums = _summed(area, class_index, len(errors))
+    mean = sums[1] / np.maximum(sums[0], 1.0)
+    found = []
+    for k in np.flatnonzero(np.greater(errors, UNEVEN) & ~_coarse(*sums)).tolist():
+        with_larger = (np.arange(len(errors)) == k) | (mean > mean[k])
+        if _coarse(*(one[with_larger].sum() for one in sums)):
+            found.append(names[k])
+    if not found:
+        return []
+    said = ", ".join(f'"{name}"' for name in found[:3]) + (" and others" if len(found) > 3 else "")
+    text = f"much larger bodies of other classes keep {said} away, as `class_separation` asks; a lower one lets them closer"
+    return [Note(text, NoteKind.AROUND_LARGER)]
+
+
+def _summed(area: np.ndarray, class_index: np.ndarray, classes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How many bodies each class has, what their areas sum up to, and the squares of these."""
+    count, total, squares = (np.bincount(class_index, w, classes) for w in (None, area, np.square(area)))
+    return count, total, squares
+
+
+def _coarse(count: np.ndarray, total: np.ndarray, squares: np.ndarray) -> np.ndarray:
+    """Whether so few equal bodies are as coarse as these: the square of all charge over the sum of its squares."""
+    return total**2 * MOST_OF_FEW < count * squares

@@ -84,7 +84,7 @@ def evenness(report: dict[str, Any]) -> str:
     """
     if placed(report) < FEWEST:
         return ""
-    meant = report.get(CLUMPED, False) or NoteKind.ERROR_OF_FEW in _kinds(report)
+    meant = report.get(CLUMPED, False) or not {NoteKind.ERROR_OF_FEW, NoteKind.AROUND_LARGER}.isdisjoint(_kinds(report))
     word = evenness_word(unevenness(report))
     if word == "uneven" and meant:
         return ""
@@ -206,6 +206,7 @@ _IN_BLENDER = (
     (" bodies ", " objects "),
     ("take more steps", "raise Max Steps (Advanced)"),
     ("lower the counts or the areas", "lower counts or Scale"),
+    ("as class_separation asks; a lower one lets", "as Mix Classes asks; a lower one lets"),
 )
 
 

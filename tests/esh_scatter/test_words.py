@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from esh.engine.problem.cover import Cover
 from esh.engine.problem.note import Note, NoteKind
-from esh.engine.quality.errors_of_few import notes_on_areas
+from esh.engine.quality.errors_of_few import notes_on_areas, notes_on_larger_classes
 from esh.esh_scatter.result import words
 
 
@@ -90,6 +90,18 @@ def test_where_the_figure_tells_of_large_objects_only_nothing_is_called_uneven()
     told = report(error=0.3, alone=0.3, converged=False, notes=found)
     assert words.notes(told) == [] and words.summary(told) == "1,042 placed · no overlap · 0.8 s"
     assert words.evenness(report(error=0.1, alone=0.3, notes=found)) == "even"
+
+
+def test_grass_that_keeps_clear_of_trees_is_not_uneven_and_it_is_said_what_lets_it_closer():
+    area, index = np.repeat([1.0, 1e-3], [20, 3000]), np.repeat([0, 1], [20, 3000])
+    found = notes_on_larger_classes(area, index, [0.01, 1.0], ["Tree", "Grass"])
+    told = report(error=1.0, alone=1.0, converged=False, notes=found)
+    said = 'Much larger objects of other classes keep "Grass" away, as Mix Classes asks; a lower one lets them closer'
+    assert words.notes(told) == [said] and words.summary(told) == "1,042 placed · no overlap · 0.8 s"
+    # Not where it is even, nor where the others are as large or fill no ground.
+    assert notes_on_larger_classes(area, index, [0.01, 0.1], ["Tree", "Grass"]) == []
+    assert notes_on_larger_classes(np.ones(3020), index, [0.01, 1.0], ["Tree", "Grass"]) == []
+    assert notes_on_larger_classes(np.where(index == 0, 0.01, area), index, [0.01, 1.0], ["Tree", "Grass"]) == []
 
 
 @pytest.mark.parametrize(
