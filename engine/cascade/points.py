@@ -22,6 +22,7 @@ __all__ = [
     "joined",
     "lists_of",
     "nearest_of",
+    "places_where",
     "runs_of",
     "same",
     "taken",
@@ -76,6 +77,11 @@ def taken(launcher: Launcher, index: wp.array, values: wp.array) -> wp.array:
     result = launcher.empty(len(index), values.dtype)
     launcher.launch(kernel, len(index), [index, values], [result])
     return result
+
+
+def places_where(launcher: Launcher, mask: np.ndarray) -> wp.array:
+    """Where a mask is true, ``wp.int32``, from the first to the last."""
+    return launcher.array(np.flatnonzero(mask).astype(np.int32), wp.int32)
 
 
 def flagged(launcher: Launcher, flag: wp.array) -> wp.array:

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 import trimesh
 from esh.engine.cascade import kernels_near_target
-from esh.engine.cascade.cascade import Cascade
 from esh.engine.descent.surface_descent import SurfaceDescent
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
@@ -82,18 +81,18 @@ def test_forces_after_an_edit_are_those_that_are_found_anew(launcher, mesh, fact
     summed = sum(counted)
     after = SurfaceDescent(model, launcher, before=before)
     few = sum(counted) - summed
-    monkeypatch.setattr(Cascade, "_known", lambda *given: None)
+    monkeypatch.setattr("esh.engine.cascade.cascade.kept_facets", lambda *given: None)
     fresh = SurfaceDescent(model, launcher, before=before)
     assert few < 0.75 * (sum(counted) - summed - few)
     assert after.cascade.nodes is fresh.cascade.nodes is before.cascade.nodes
     is_full = after.share.max(axis=0) > 0.0
-    tiles = after.cascade._tiles
+    tiles = after.cascade._centers
     np.testing.assert_array_equal(after.cascade.home.numpy(), before.cascade.nodes.homes(tiles, is_full).numpy())
     for name in ("node_share", "node_area"):
         np.testing.assert_allclose(getattr(after.cascade, name), getattr(fresh.cascade, name), rtol=1e-3, atol=1e-9)
-    force, expected = (d.cascade._target_nearby.force.numpy() for d in (after, fresh))
+    force, expected = (d.cascade._near_target.force.numpy() for d in (after, fresh))
     assert np.abs(force - expected).max() < 0.01 * np.abs(expected).max()
-    variance, expected = (d.cascade._variance.numpy() for d in (after, fresh))
+    variance, expected = (d.cascade._near_target.variance.numpy() for d in (after, fresh))
     assert np.abs(variance / expected - 1.0).max() < 0.05
 
 
@@ -106,9 +105,7 @@ def test_nothing_is_summed_where_no_density_changes(launcher, counted):
     )
     assert len(counted) == summed
     np.testing.assert_array_equal(after.cascade.node_area, before.cascade.node_area)
-    np.testing.assert_array_equal(
-        after.cascade._target_nearby.force.numpy(), before.cascade._target_nearby.force.numpy()
-    )
+    np.testing.assert_array_equal(after.cascade._near_target.force.numpy(), before.cascade._near_target.force.numpy())
 
 
 def test_many_small_changes_of_counts_are_noticed_at_last(launcher, counted):

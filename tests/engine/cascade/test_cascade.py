@@ -161,7 +161,7 @@ def test_the_blur_follows_the_density(launcher):
     expected = np.clip(usual * number**-0.75, 0.5 * usual, 2.0 * usual)
     assert expected.max() > 1.99 * usual
     assert expected.min() < 0.8 * usual
-    np.testing.assert_allclose(descent.cascade._variance.numpy(), expected, rtol=0.05)
+    np.testing.assert_allclose(descent.cascade._near_target.variance.numpy(), expected, rtol=0.05)
 
 
 @pytest.mark.parametrize("groups", [1, 3])
@@ -193,7 +193,7 @@ def test_what_lies_behind_the_last_node_does_not_count(launcher, groups):
     nodes = cascade.node_count
     potential = cascade._potentials[0]
     assert len(potential) >= (nodes + 7) * groups
-    assert len(cascade._weights.plane) >= 6 * nodes + 7
+    assert len(cascade.nodes.weights.plane) >= 6 * nodes + 7
     assert len(cascade._sorted.plane) >= 14 * len(found) + 7
     expected = found.copy()
     behind = potential.numpy()
@@ -228,7 +228,7 @@ def test_uniform_bodies_on_a_plate_are_not_pushed_about_by_the_target_alone(laun
     side = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     surface = Surface(SurfaceMesh(side, [[0, 1, 2], [0, 2, 3]]))
     _, descent, _ = forces(launcher, Problem(surface, [BodyClass("a", [Size("s", 1e-4, 900)])]))
-    near = descent.cascade._target_nearby.force.numpy() * 900
+    near = descent.cascade._near_target.force.numpy() * 900
     count = descent.facets.corner_count
     corners = [launcher.empty(count, kind) for kind in (wp.vec3, wp.vec3, wp.int32)]
     launcher.launch(kernels_facets.locate_corners, count, [descent.facets.count, descent.ground.facets], corners)
