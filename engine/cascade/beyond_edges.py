@@ -1,4 +1,4 @@
-"""Points beyond the edges of a surface, in the planes of what ends there: with them, what lies near an edge has nodes on all sides.
+"""Nodes beyond the edges of a surface, in the planes of the facets that end there, so that charges near an edge have nodes all around.
 
 A potential that is fitted to nodes on one side only is wrong near an edge. Measured on a box with walls of 0.3 spacings: without
 these points bodies near the rim stand 0.02 spacings too far inside, and coverage errors at 1 and 2 spacings are 0.0074 and 0.0021;
@@ -20,14 +20,14 @@ from .points import chosen, empty_points, joined, lists_of, nearest_of, thinned
 
 __all__ = ["with_nodes_beyond_edges"]
 
-# Distance of the points that are looked at, over that of nodes.
+# Candidates are this far apart, over the distance of nodes.
 STEP = 0.5
-# A plane goes on inside of an edge if so far from it, over the level's length, the surface is as near to it as the second number,
-# and looks to nearly the same side.
+# An edge gets nodes beyond it only if the surface is about plane inside of it: at a distance of INSIDE lengths from the edge, the
+# surface must come as near to the plane as NEAR lengths, with a cosine between the normals of more than SAME_SIDE.
 INSIDE = 1.0
 NEAR = 0.15
 SAME_SIDE = 0.9
-# Nodes of one sheet look to the same side by more than this.
+# Nodes are on one sheet if the cosine between their normals is more than this.
 OF_SHEET = 0.3
 
 
@@ -41,16 +41,19 @@ def with_nodes_beyond_edges(
     reach: float,
     length: float,
 ) -> tuple[Points, wp.array]:
-    """Return nodes together with others that are put beyond edges, and where among these every given node is, ``wp.int32``.
+    """Add nodes beyond the edges of a surface.
 
     Args:
         launcher: Where to run.
         facets: The surface.
-        on_device: The same as kernels take it.
-        nodes: Those that lie on the surface, part after part.
-        apart: Distance of nodes.
-        reach: How far nodes are to reach beyond an edge.
-        length: Spacing that they are to resolve.
+        on_device: The same facets, as kernels take them.
+        nodes: Nodes on the surface, part after part.
+        apart: Least distance of two nodes, in units.
+        reach: Distance from an edge up to which nodes are added, in units.
+        length: Spacing that is to be resolved, in units.
+
+    Returns:
+        All nodes, and the number that every given one has among them, ``wp.int32``.
     """
     count = len(nodes.position)
     found = _candidates(launcher, facets, on_device, STEP * apart, reach, length)
@@ -60,7 +63,7 @@ def with_nodes_beyond_edges(
         return nodes, launcher.array(np.arange(count, dtype=np.int32), wp.int32)
     found = chosen(launcher, found, launcher.array(free.astype(np.int32), wp.int32))
     beyond = chosen(launcher, found, thinned(launcher, found, apart))
-    # Each comes behind the node that it is nearest to: parts stay together, and so do neighbors.
+    # Each comes behind the node that it is nearest to. So nodes of a part stay together, and so do neighbors.
     nearest = nearest_of(launcher, beyond, nodes, reach + 2.0 * length, length).numpy()
     there = np.flatnonzero(nearest >= 0).astype(np.int32)
     order = np.argsort(np.concatenate([np.arange(count), nearest[there]]), kind="stable").astype(np.int32)
@@ -73,7 +76,7 @@ def with_nodes_beyond_edges(
 def _candidates(
     launcher: Launcher, facets: Facets, on_device: kernels_facets.Facets, step: float, reach: float, length: float
 ) -> Points:
-    """Points at even steps along all edges, and away from them, where the plane goes on inside."""
+    """Return points at even steps along all edges and away from them, beyond those inside of which the surface is about plane."""
     facet, corner = np.nonzero(facets.edge_side)
     start, end, apex = (facets.corner[facet, (corner + k) % 3] for k in (1, 2, 0))
     normal = facets.normal[facet]
@@ -81,7 +84,7 @@ def _candidates(
     along = (end - start) / np.maximum(long, 1e-30)[:, None]
     out = np.cross(along, normal)
     out *= np.sign(((start - apex) * out).sum(axis=1))[:, None]
-    # Sides may be far shorter than a step: it is gone on along the next one.
+    # Sides may be far shorter than a step, so steps are counted along all sides together.
     gone = np.cumsum(long)
     count = int(gone[-1] / step) if len(gone) else 0
     place = (np.arange(count) + 0.5) * step

@@ -1,4 +1,4 @@
-"""Kernels of the octave cascade: from charges to nodes, from level to level of these, and back to the forces on the charges."""
+"""Kernels of the cascade: charges are deposited on nodes and go up the levels, potentials come down, forces act on charges."""
 
 from __future__ import annotations
 
@@ -26,10 +26,15 @@ wp.set_module_options({"enable_backward": False})
 
 @wp.struct
 class NearTarget:
-    """The near part of the target's force at corners of tiles, image after image, and the charge of each that every group sees.
+    """The near field of the target.
 
-    Where small charges are blurred less there is a force for each of a few shares, one after the other, and every group has the number
-    of its own, ``share``.
+    Attributes:
+        force: Force per unit charge of every image at all corners of tiles, image after image; all of this for every share of the
+            variance that charges may be blurred by.
+        corner_count: Number of corners.
+        column_count: Number of images.
+        attraction: Charge of every image that every group sees, group after group.
+        share: Which of the shares every group has.
     """
 
     force: wp.array(dtype=wp.vec3)
@@ -131,7 +136,7 @@ def fit_rows(
     # outputs
     sorted_charges: SortedCharges,
 ):
-    """Copy charges into the order of their homes, and find their rows."""
+    """Copy charges into the order of their homes, and find the corrected weights of each: its row."""
     s = first + wp.tid()
     i = charges.order[s]
     position = charges.points.position[i]
@@ -157,7 +162,7 @@ def deposit(
     # outputs
     node_charge: wp.array(dtype=float),
 ):
-    """Share charges out among the nodes; a node adds up what it gets, always in one order. Groups of a node lie side by side."""
+    """Deposit charges on the nodes. Each node sums what it gets, in a fixed order; the groups of a node lie side by side."""
     j = first + wp.tid()
     for g in range(group_count):
         node_charge[j * group_count + g] = 0.0
@@ -190,7 +195,7 @@ def blur_charges(
     # outputs
     sorted_charges: SortedCharges,
 ):
-    """Blur charges by their share of the variance of their place, which is known at the corners of tiles."""
+    """Set the variance of every charge's blur: its share of the variance of its place, which is known at the corners of tiles."""
     s = first + wp.tid()
     i = order[s]
     count = sorted_charges.group.shape[0]
@@ -214,10 +219,10 @@ def follow_density(
     # outputs
     variance: wp.array(dtype=float),
 ):
-    """Variances of the blur of mean charges: a power of the number density near points, between bounds.
+    """Variances of the blur of a mean charge at points: a power of the number density around them, between bounds.
 
-    ``number`` and ``area`` are charges and area that nodes stand for; where there is one charge for every square of the ``length``, it
-    is the ``usual`` one.
+    Nodes stand for ``number`` charges on an ``area``. The variance is the ``usual`` one where there is one charge for every square of
+    the ``length``.
     """
     i = first + wp.tid()
     nodes = weights.nodes
@@ -245,7 +250,7 @@ def mix_groups(
     # outputs
     mixed: wp.array(dtype=float),
 ):
-    """What every group sees at a node: the charges less the target, weighed by the interaction; the target is weighed already."""
+    """Sources that every group sees at a node: the charges, weighed by the interaction, less the target, which is weighed already."""
     i = first + wp.tid()
     base = (i / group_count) * group_count
     g = i - base
@@ -262,7 +267,7 @@ def begin_with(
     # outputs
     potential: wp.array(dtype=float),
 ):
-    """The potential at the nodes before that of any charge is added."""
+    """Start the potentials at the nodes with a fixed offset."""
     i = first + wp.tid()
     potential[i] = offset[i]
 
@@ -302,7 +307,7 @@ def multiply(
     # outputs
     result: wp.array(dtype=float),
 ):
-    """A sparse matrix times columns of all groups; added to what is there where ``add``."""
+    """Multiply a sparse matrix by a column for every group; the product is added to the result if ``add`` is not 0."""
     i = first + wp.tid()
     row = i / group_count
     g = i - row * group_count
@@ -316,7 +321,7 @@ def multiply(
 def force_of_nodes(
     s: int, home: int, charges: SortedCharges, weights: Weights, potential: wp.array(dtype=float), group_count: int
 ):
-    """What leads down the potential's slope, fitted to the nodes near a charge."""
+    """Far field at a charge: minus the slope of the potential, by a linear fit to the nodes near it."""
     normal = vector_of(s, OF_NORMAL, charges)
     along = across(normal)
     beside = wp.cross(normal, along)
@@ -364,10 +369,10 @@ def evaluate(
     # outputs
     field: wp.array(dtype=wp.vec3),
 ):
-    """The force per unit charge at every charge, along the surface."""
+    """Force per unit charge at every charge, along the surface: far field, near field of the charges, near field of the target."""
     s = first + wp.tid()
     i = charges.order[s]
-    # Bodies move in the plane of their facet.
+    # Bodies move in the plane of their facet, so what points out of it does not count.
     normal = facets.normal[facet[i]]
     group = sorted_charges.group[s]
     home = charges.home[i]

@@ -1,4 +1,4 @@
-"""Kernels' functions of the near part: what charges near each other do to each other."""
+"""Kernels' functions of the near field between charges."""
 
 from __future__ import annotations
 
@@ -9,17 +9,26 @@ from .native_lanes import NEIGHBOR_CODE, PLANES_CODE
 
 wp.set_module_options({"enable_backward": False})
 
-# Terms of the polynomial in NearPart. What is blurred usually is wrong by .014 with 8, by .002 with 10, by .0001 with 12.
+# Terms of the polynomial in NearPart. With the usual blur, distance times force is wrong by .014 with 8, .002 with 10, .0001 with 12.
 NEAR_TERMS = 12
 
 
 @wp.struct
 class NearPart:
-    """What is summed over pairs: the runs of homes near each home (``near`` from ``start`` on), the force, and M, flat.
+    """The near field between charges.
 
-    Distance times force is a polynomial of the square of the distance over that of ``cutoff``, where it ends: by ``term``. A ``core``
-    (see :mod:`esh.engine.field.blur`) adds to it, of which no polynomial knows the end: this square over that of ``cutoff``. Where
-    ``blurs``, the polynomial is the one of points, and the blur of every pair adds to it; the core ends at this q then.
+    Distance times force is a polynomial of u, the squared distance over the squared cut-off. To this a repulsive core is added, see
+    :mod:`esh.engine.field.blur`: its end is not smooth, so the polynomial cannot hold it.
+
+    Attributes:
+        start: Where the runs of every home begin in ``near``, shape ``[node_count + 1]``.
+        near: For every home the homes whose charges it sees, as runs.
+        term: Coefficients of the polynomial, the constant one first.
+        cutoff: Distance at which the near field ends.
+        interaction: M, flat.
+        blurs: Whether every pair has a blur of its own. If so, the polynomial is that of points.
+        core: Strength of the core.
+        core_end: Where the core ends: a value of u; or, if ``blurs``, of q = r² / (2 variance).
     """
 
     start: wp.array(dtype=wp.int32)
@@ -104,7 +113,7 @@ def sum_near(
 def force_of_near_charges(
     s: int, home: int, charges: SortedCharges, start: wp.array(dtype=wp.int32), near: NearPart, group_count: int
 ):
-    """What the charges of the homes near that of a charge do; those of a home begin at ``start``."""
+    """Near field at charge ``s`` of all charges; those of a home begin at ``start``."""
     return sum_near(
         vector_of(s, OF_POSITION, charges),
         vector_of(s, OF_NORMAL, charges),

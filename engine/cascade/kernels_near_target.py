@@ -1,4 +1,4 @@
-"""Kernels of the near part of the target's force: what points that bodies are drawn to do at the corners of tiles."""
+"""Kernels of the target's near field: forces of its sources at the corners of tiles."""
 
 from __future__ import annotations
 
@@ -12,10 +12,15 @@ wp.set_module_options({"enable_backward": False})
 
 @wp.struct
 class NearTable:
-    """Distance times force of a target's unit charge by the square of the distance, and where it ends.
+    """Tables of distance times force of a unit charge of the target, over the squared distance.
 
-    ``scale`` is the number of entries per square of a distance. There are two tables of ``size`` entries, one behind the other, and
-    every image has the number of its own, ``kind``.
+    Attributes:
+        force: Two tables, one after the other: for images that vary, and for uniform ones.
+        kind: Which of the two every image has.
+        size: Entries of a table.
+        scale: Entries per unit of squared distance.
+        cutoff: Distance at which the near field ends.
+        blurs: Whether the tables are those of points, and every pair subtracts what its own blur takes from that.
     """
 
     force: wp.array(dtype=float)
@@ -23,15 +28,18 @@ class NearTable:
     size: wp.int32
     scale: wp.float32
     cutoff: wp.float32
-    # Whether the table is that of points, and every pair takes from it what its own blur does.
     blurs: wp.int32
 
 
 @wp.struct
 class Sources:
-    """Points that a target is drawn to, in the order of their cells: their part, and numbers, each of all points after the one before.
+    """Sources of the target, in the order of their cells.
 
-    These are x, y and z, those of the normal, the charge of every image, and the variance that it is blurred by, where that differs.
+    Attributes:
+        grid: The cells, as large as the cut-off.
+        label: Part of the surface that each source is on.
+        plane: x of all sources, then y, z, x, y and z of their normals, their charges image after image, and, where the blur varies,
+            its variance.
     """
 
     grid: PointGrid
@@ -158,9 +166,9 @@ def sum_near_target(
     # outputs
     force: wp.array(dtype=wp.vec3),
 ):
-    """The near part of the force of every image's target at the corners of tiles; cells are as large as the cut-off.
+    """Sum the near field of every image at the corners of tiles.
 
-    It acts on charges that are blurred by a ``share`` of the ``variance`` of their place, where that differs.
+    Where the blur varies, it acts on charges that are blurred by a ``share`` of the ``variance`` of their place.
     """
     i = first + wp.tid()
     own_variance = float(0.0)
@@ -174,7 +182,7 @@ def sum_near_target(
     for c in range(column_count):
         total = wp.vec3(0.0, 0.0, 0.0)
         for number in range(27):
-            # What is not in a cell, but shares its slot, is near only where its own cell is one of the 27: slots count once.
+            # Cells may share a slot of the hash table, so each slot is visited only once. What is far away does not count.
             slot = slots[number]
             known = int(0)
             for before in range(number):
@@ -213,7 +221,7 @@ def carry_forces(
     # outputs
     force: wp.array(dtype=wp.vec3),
 ):
-    """Forces at corners that were there before, by the number that each had, -1 for new ones; every column times its factor."""
+    """Copy forces at corners by the number that each had before, -1 for new ones; those of every image times its factor."""
     i = first + wp.tid()
     if source[i] >= 0:
         count, count_before = source.shape[0], force_before.shape[0] / factor.shape[0]
@@ -229,7 +237,7 @@ def carry_numbers(
     # outputs
     values: wp.array(dtype=float),
 ):
-    """Numbers of what was there before."""
+    """Copy values by the number that each had before, -1 for new ones."""
     i = first + wp.tid()
     if source[i] >= 0:
         values[i] = values_before[source[i]]
@@ -244,7 +252,7 @@ def put_numbers(
     # outputs
     values: wp.array(dtype=float),
 ):
-    """Give points of an index the numbers of those that they are like."""
+    """Write to the points of an index the values of the distinct points that they are like."""
     i = first + wp.tid()
     values[index[i]] = few[which[i]]
 
@@ -259,7 +267,7 @@ def put_forces(
     # outputs
     force: wp.array(dtype=wp.vec3),
 ):
-    """Give points of an index the forces of those that they are like, column after column."""
+    """Write to the points of an index the forces of the distinct points that they are like, column after column."""
     i = first + wp.tid()
     count, count_few = force.shape[0] / columns, few.shape[0] / columns
     for c in range(columns):

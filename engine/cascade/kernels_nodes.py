@@ -1,4 +1,4 @@
-"""Kernels of nodes: how charges and finer nodes are shared out among them, and what nodes of an octave see of each other."""
+"""Kernels of nodes: weights by which charges, and finer nodes, are deposited on them, and an octave's Gaussian between nodes."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ from .native_lanes import PLANES_CODE
 
 wp.set_module_options({"enable_backward": False})
 
-# A weight reaches as far as this many squared widths.
+# Squared distance at which a weight ends, in squared widths.
 REACH_SQUARED = wp.constant(10.0)
-# Nodes of the other side of a sheet count, but hardly: alone they are better than nothing.
+# Nodes on the other side of a sheet have this factor on their weights at least: they hardly count beside others, and alone are better
+# than none.
 LEAST_FACTOR = wp.constant(1.0e-4)
-# Where all nodes lie to one side, weights that are exact for linear functions are large and of both signs: from level to level they
-# make more of every small move, and steps swing. How far off the middle of the nodes a point lies, squared, over how far these are
-# spread, from which on weights are exact for linear functions in part only. Measured on Blender's Suzanne with 4,096 bodies: without
-# a bound sums of weights' sizes are up to 7, forces after 50 steps .02 to .1; with 1 they are up to 1.3 and .01, with 0.3 up to 1.1
-# and .006.
+# If all nodes lie to one side of a point, weights that are exact for linear functions are large and of both signs. From level to level
+# they would amplify every small move, and steps would oscillate. The leverage of a point is its squared distance from the middle of
+# the nodes over their variance. Beyond this leverage, weights are exact for linear functions in part only. Measured on Blender's
+# Suzanne with 4,096 bodies: without a bound sums of absolute weights are up to 7, forces after 50 steps .02 to .1; with 1 they are up
+# to 1.3 and .01, with 0.3 up to 1.1 and .006.
 MOST_LEVERAGE = wp.constant(0.3)
-# What keeps the fit of a slope from following rounding, as a share of the weights.
+# Regularization of the linear fit (ridge), as a share of the sum of the weights: it keeps slopes from following rounding errors.
 RIDGE = wp.constant(1.0e-3)
-# Numbers of a node in the planes of Weights.
+# Numbers of a node in Weights.plane.
 NODE_PLANES = 6
-# The weight of a node: see node_weight, which says the same for one.
+# Weights of several nodes at once: see node_weight, which does the same for one.
 WEIGHT_CODE = f"""
             const V dx = load(x + j) - position[0];
             const V dy = load(y + j) - position[1];
@@ -39,10 +40,14 @@ Moments = wp.types.vector(6, wp.float32)
 
 @wp.struct
 class Row:
-    """How a charge is shared out, and a potential read at it.
+    """The linear fit at a point: what corrects its weights when it is deposited, and when a potential is interpolated at it.
 
-    The first row of the inverse of its moments, turned into space; the other entries of the inverse; and the sum of the weights before
-    they are corrected.
+    In the basis (1, a, b), with a and b along the surface, the inverse of the matrix of moments has six entries.
+
+    Attributes:
+        value: Its first row, with those of a and b turned into a vector in space: x, y, z, and the entry of the constant.
+        slope: The other three entries.
+        total: Sum of the weights before they are corrected.
     """
 
     value: wp.vec4
@@ -52,9 +57,14 @@ class Row:
 
 @wp.struct
 class Weights:
-    """Nodes, the runs of nodes near each of them (``near`` from ``start`` on), and the width of the weights that share points out.
+    """Weights by which points are deposited on nodes.
 
-    ``plane`` has x, y and z of all nodes, one after the other, then those of their normals.
+    Attributes:
+        nodes: The nodes.
+        plane: x of all nodes, then y, z, and x, y and z of their normals.
+        start: Where the runs of every home begin in ``near``, shape ``[node_count + 1]``.
+        near: For every home the nodes that its points may be deposited on, as runs.
+        width: Width of the weights.
     """
 
     nodes: Points
@@ -66,7 +76,7 @@ class Weights:
 
 @wp.struct
 class Homed:
-    """Points and the nodes that are their homes; ``order`` has them home after home, those of a node from ``start`` on."""
+    """Points and the nodes that are their homes; ``order`` lists them home after home, those of a node from ``start`` on."""
 
     points: Points
     home: wp.array(dtype=wp.int32)
@@ -76,7 +86,7 @@ class Homed:
 
 @wp.func
 def node_weight(way: wp.vec3, one: wp.vec3, other: wp.vec3, inverse_reach: float):
-    """Weight of a node that is ``way`` off; ``inverse_reach`` is 1 over the squared distance at which it ends."""
+    """Weight of a node at the end of ``way``, before correction; ``inverse_reach`` is 1 over the squared distance at which it ends."""
     u = wp.max(1.0 - wp.dot(way, way) * inverse_reach, 0.0)
     return u * u * u * wp.max(side_factor(one, other), LEAST_FACTOR)
 
@@ -125,7 +135,7 @@ def moments_of(
 
 @wp.func
 def fitted_row(position: wp.vec3, normal: wp.vec3, home: int, weights: Weights):
-    """The row of a charge: weights of the nodes near it are corrected so that they are exact for linear functions."""
+    """Row of a point: it corrects the weights of the nodes near it so that they are exact for linear functions."""
     along = across(normal)
     beside = wp.cross(normal, along)
     inverse_reach = 1.0 / (REACH_SQUARED * weights.width * weights.width)
@@ -162,7 +172,7 @@ def fitted_row(position: wp.vec3, normal: wp.vec3, home: int, weights: Weights):
 
 @wp.func
 def steadied(row: Row):
-    """A row with bounded weights, whose sum is 1 as before."""
+    """Row with a bounded leverage; the sum of its weights is 1 as before."""
     leverage = row.total * row.value[3] - 1.0
     if leverage > MOST_LEVERAGE:
         share = MOST_LEVERAGE / leverage
@@ -172,7 +182,7 @@ def steadied(row: Row):
 
 @wp.func
 def share_of(row: Row, way: wp.vec3, weight: float):
-    """Share of a charge that a node gets."""
+    """Share of a charge that a node gets: its weight, corrected."""
     return weight * (row.value[3] + row.value[0] * way[0] + row.value[1] * way[1] + row.value[2] * way[2])
 
 
@@ -184,7 +194,7 @@ def find_homes(
     key: wp.array(dtype=wp.int32),
     order: wp.array(dtype=wp.int32),
 ):
-    """Sort charges by the nodes that are their homes."""
+    """Keys by which points are sorted by their homes."""
     i = first + wp.tid()
     key[i] = home[i]
     order[i] = i
@@ -198,7 +208,7 @@ def carry_homes(
     # outputs
     home: wp.array(dtype=wp.int32),
 ):
-    """Homes of what was there before, by the number that each had, -1 for others."""
+    """Copy homes by the number that each tile had before, -1 for new ones."""
     i = first + wp.tid()
     if source[i] >= 0:
         home[i] = home_before[source[i]]
@@ -213,7 +223,7 @@ def settle(
     # outputs
     home: wp.array(dtype=wp.int32),
 ):
-    """Give tiles their homes: what is near to each, or the first where nothing is, by its place among all nodes."""
+    """Write the homes of tiles: the nearest node on the surface, or the first if none is near, by its number among all nodes."""
     i = first + wp.tid()
     home[tile[i]] = place[wp.max(near[i], 0)]
 
@@ -225,7 +235,7 @@ def fill_planes(
     # outputs
     plane: wp.array(dtype=float),
 ):
-    """Write what :class:`Weights` has of its nodes once more."""
+    """Copy positions and normals into the layout of :attr:`Weights.plane`."""
     i = first + wp.tid()
     count = nodes.position.shape[0]
     for k in range(3):
@@ -242,7 +252,7 @@ def count_shares(
     # outputs
     count: wp.array(dtype=wp.int32),
 ):
-    """Count the coarser nodes that each finer one is shared out among; or, ``to_nodes``, the finer ones that a coarser one gets of."""
+    """Count the coarser nodes in every finer node's list; or, if ``to_nodes``, the finer nodes in every coarser node's list."""
     i = first + wp.tid()
     inverse_reach = 1.0 / (REACH_SQUARED * weights.width * weights.width)
     found = int(0)
@@ -273,7 +283,7 @@ def list_shares(
     entry: wp.array(dtype=wp.int32),
     value: wp.array(dtype=float),
 ):
-    """List what :func:`count_shares` counts, and the shares. Rows are in the order of the points themselves."""
+    """Write the entries that :func:`count_shares` counts, and their values. ``row`` is in the order of the finer nodes."""
     i = first + wp.tid()
     nodes = weights.nodes
     inverse_reach = 1.0 / (REACH_SQUARED * weights.width * weights.width)
@@ -322,7 +332,7 @@ def weigh_octave(
     # outputs
     value: wp.array(dtype=float),
 ):
-    """An octave's Gaussian between nodes, for the lists of all of them."""
+    """Write an octave's Gaussian between every node and those in its list."""
     i = first + wp.tid()
     scale = -0.5 / (width * width)
     for k in range(start[i], start[i + 1]):

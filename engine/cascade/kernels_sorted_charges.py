@@ -6,7 +6,7 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
-# Where the numbers of a charge begin in the planes of SortedCharges, and how many there are.
+# Where the numbers of a charge begin in SortedCharges.plane, and how many there are.
 OF_POSITION = wp.constant(0)
 OF_NORMAL = wp.constant(3)
 OF_CHARGE = wp.constant(6)
@@ -18,10 +18,12 @@ CHARGE_PLANES = 15
 
 @wp.struct
 class SortedCharges:
-    """Charges home after home: their group, and their numbers, each of all charges after the one before.
+    """Charges in the order of their homes.
 
-    These are x, y and z, those of the normal, the charge, how it is shared out (value and slope of :class:`Row`), and the variance
-    that it is blurred by, where that differs.
+    Attributes:
+        group: Group of every charge.
+        plane: x of all charges, then y, z, and so on: the normal, the charge, value and slope of its :class:`.kernels_nodes.Row`, and,
+            where the blur varies, its variance.
     """
 
     group: wp.array(dtype=wp.int32)
@@ -36,7 +38,7 @@ def number_of(s: int, plane: int, charges: SortedCharges):
 
 @wp.func
 def vector_of(s: int, plane: int, charges: SortedCharges):
-    """Three of the numbers of a charge, from one of them on."""
+    """Three consecutive numbers of a charge."""
     return wp.vec3(number_of(s, plane, charges), number_of(s, plane + 1, charges), number_of(s, plane + 2, charges))
 
 

@@ -1,13 +1,13 @@
-"""What native code of the cascade's kernels begins with: vectors of several neighbors, and what is known of all points."""
+"""Native code that the cascade's kernels share: vectors of several neighbors, and pointers to their positions and normals."""
 
 from __future__ import annotations
 
 __all__ = ["LANES", "LANES_CODE", "NEIGHBOR_CODE", "PLANES_CODE"]
 
-# Native code because these loops are most of a step's time. A CPU takes so many neighbors at once, a GPU one: those of a run lie side
-# by side. What lies behind the end of a run is read, too, and does not count.
+# These loops take most of a step's time, so they are native code. A CPU handles this many neighbors at once, which lie side by side in
+# a run, a GPU one. Arrays are read beyond the end of a run; what is there does not count.
 LANES = 8
-# Types of such vectors, and functions that read them, choose, and sum.
+# Types of such vectors, and functions that read them, compare, convert and sum.
 LANES_CODE = f"""
 #if defined(__CUDA_ARCH__)
     typedef float V;

@@ -1,7 +1,14 @@
-"""Nodes of a surface: points of it that keep a distance, which charges are shared out among, and coarser ones for wider octaves.
+"""Nodes of the far field: points of a surface that keep a distance, in levels, one for every octave.
 
-They depend on the surface, and on where there is any density at all; not on how much of it there is, nor on the charges. So they
-serve on from one density to another: see :meth:`Nodes.homes`.
+Charges are deposited on the nodes of the finest level, by weights with compact support that are corrected to be exact for linear
+functions (a moving least squares fit). In the same way charges at the nodes of one level go to those of the next, which lie twice as
+far apart. The transposed weights interpolate potentials. At each level a sparse matrix holds the octave's Gaussian between nodes. The
+weights of both ways blur it by some variance, so its own variance is smaller by that.
+
+A point finds the nodes near it through its *home*: the node nearest to it, which has a list of its neighbors.
+
+Nodes depend on the surface, and on where there is any density at all; not on how much of it there is, nor on the charges. So they can
+be used again after an edit of the densities: see :meth:`Nodes.homes`.
 """
 
 from __future__ import annotations
@@ -25,41 +32,44 @@ from .points import Lists, chosen, lists_of, nearest_of, runs_of, thinned
 
 __all__ = ["NEAR_REACH", "NodeLevel", "Nodes", "homed"]
 
-# Distance of nodes over the level's length, how much farther a home may be, and from where on it is too far for nodes that were made
-# where there was another density.
+# All distances are in lengths of the level, if nothing else is said.
+# Least distance of two nodes.
 NODE_DISTANCE = 0.7
+# Greatest distance of a tile with density from its home, and the same where nodes were made for another density: if a tile has no node
+# so near, new nodes are made.
 HOME_REACH = 1.5
 HOME_REACH_OF_OTHERS = 1.0
-# How far a home may be of charges where there is no density.
+# Greatest distance of a tile without density from its home.
 FAR_HOME_REACH = 6.0
-# A turn of the surface counts as so many of the level's lengths when a home is looked for.
+# When the nearest node is looked for, a difference between normals counts as a distance this many times as long.
 HOME_TURN = 2.0
-# Width of the weights over the level's length, and where they end; a home is nearer than the second.
+# Width of the weights; where they end, in widths; and greatest distance of a finer node from its home among the coarser ones.
 WIDTH = 0.8
 WEIGHT_REACH = math.sqrt(kernels_nodes.REACH_SQUARED)
 HOME_DISTANCE = 0.8
-# A Gaussian of a level ends at this many of its widths.
+# Where the Gaussian of an octave is cut off, in its standard deviations; and the same for the widest Gaussian of the near field.
 OCTAVE_REACH = 3.5
-# Where the near part ends over the width of its widest Gaussian.
 NEAR_REACH = 3.6
-# Nodes whose normals are farther apart see nothing of each other.
+# Nodes whose normals have a smaller cosine are opposite sides of a sheet, and do not see each other.
 LEAST_COSINE = -0.95
-# Fewer nodes need no coarser ones.
+# A level with fewer nodes is the coarsest.
 FEWEST_NODES = 12
 
 
 @dataclass(frozen=True, eq=False)
 class NodeLevel:
-    """Nodes of an octave: which of them see each other how, and what is shared out among the next, coarser ones.
+    """Sparse matrices of a level: rows are lists of columns, and the values of these are ``float``.
+
+    The last four are None at the coarsest level.
 
     Attributes:
-        count: How many there are.
-        octave: Those that each of them sees.
-        octave_value: By how much, ``float``.
-        up: Of each, the coarser ones that its charge goes to; None at the coarsest level, as the following ones.
-        up_value: Their shares.
-        down: Of each coarser one, those whose charges go to it.
-        down_value: The same shares.
+        count: Number of nodes of the level.
+        octave: For every node those that it sees.
+        octave_value: The octave's Gaussian between the two.
+        up: For every node the coarser ones that its charge goes to.
+        up_value: Share of the charge that each gets.
+        down: For every coarser node those whose charges go to it: the transposed matrix.
+        down_value: Share of their charges that it gets.
     """
 
     count: int
@@ -77,19 +87,19 @@ class Nodes:
     Args:
         launcher: Where to run.
         facets: The surface.
-        on_device: The same as kernels take it.
-        full: Middles of tiles that have any density.
-        length: Spacing that they are to resolve, in units.
+        on_device: The same facets, as kernels take them.
+        full: Centers of the tiles that have any density.
+        length: Spacing that is to be resolved, in units.
 
     Attributes:
         length: That spacing.
-        points: The nodes of the first level: those on the surface, and others beyond its edges.
-        count: How many these are.
-        weights: What points are shared out among them by.
-        pairs: Runs of those that each one's near part reaches, ``wp.vec2i``.
-        cutoff: Where that ends.
+        points: Nodes of the finest level: those on the surface, and others beyond its edges.
+        count: Number of these nodes.
+        weights: Weights by which points are deposited on them.
+        pairs: For every node the nodes whose charges are in the near field of its own, as runs, ``wp.vec2i``.
+        cutoff: Distance at which the near field ends, in units.
         related: Which parts of the surface stand on one another, for kernels.
-        levels: From the finest to the coarsest.
+        levels: Matrices of the levels, from the finest to the coarsest.
     """
 
     def __init__(
@@ -119,13 +129,15 @@ class Nodes:
         made_for_others: bool = False,
         known: tuple[np.ndarray, wp.array] | None = None,
     ) -> wp.array | None:
-        """Return which node on the surface is the home of charges on every tile, ``wp.int32``, shape ``[tile_count]``.
+        """Return the home of every tile, a node on the surface, ``wp.int32``, shape ``[tile_count]``.
 
         Args:
-            tiles: Their middles.
+            tiles: Centers of the tiles.
             is_full: Which of them have any density.
-            made_for_others: Whether the nodes were made where another density was: then None where any full tile has none near.
-            known: Which of others each tile was before, -1 for new ones, and the homes of these, ``wp.int32``.
+            made_for_others: Whether the nodes were made for another density. If so, the result is None if any tile with density has no
+                node near it.
+            known: Homes from before an edit: which tile each one was then, -1 for new ones, and the homes of the tiles then,
+                ``wp.int32``.
         """
         launcher, length, count = self._launcher, self.length, len(is_full)
         result, is_new = launcher.zeros(count, wp.int32), np.ones(count, bool)
@@ -146,12 +158,16 @@ class Nodes:
         if made_for_others and (near.numpy() < 0).any():
             return None
         if not is_full.all():
-            # What is fixed may lie there, and ends of lines.
+            # Fixed bodies may lie there, and ends of lines.
             find(~is_full & is_new, FAR_HOME_REACH * length, 0.0)
         return result
 
     def nearest(self, some: np.ndarray, others: np.ndarray) -> np.ndarray:
-        """Which of other nodes is nearest to each of some, by places in ``others``, shape ``[some_count]``; 0 for far ones."""
+        """Return which of the nodes ``others`` is nearest to each of the nodes ``some``; 0 if all are far.
+
+        Returns:
+            Indices of ``others``, shape ``[some_count]``.
+        """
         launcher = self._launcher
         of_some, of_others = (
             chosen(launcher, self.points, launcher.array(number.astype(np.int32), wp.int32))
@@ -160,13 +176,13 @@ class Nodes:
         return np.maximum(nearest_of(launcher, of_some, of_others, FAR_HOME_REACH * self.length, 0.0).numpy(), 0)
 
     def _make_levels(self, diagonal: float) -> list[NodeLevel]:
-        """Make nodes for one octave after the other, until one is as wide as the surface."""
+        """Make one level after the other, until its octave is as wide as the surface, whose diagonal this is [units]."""
         launcher, nodes, length = self._launcher, self.points, self.length
         width = WIDTH * length
         levels: list[NodeLevel] = []
         while True:
             octave = math.sqrt(2.0) * length
-            # What the weights on both ways blur is left out of the Gaussian.
+            # The weights of both ways blur the Gaussian by their variance, so it is made narrower, and higher, by that.
             rest = math.sqrt(octave**2 - 2.0 * width**2)
             near = lists_of(launcher, nodes, nodes, min(OCTAVE_REACH * rest, 2.0 * diagonal), LEAST_COSINE)
             value = launcher.empty(len(near.entry), float)
@@ -183,7 +199,7 @@ class Nodes:
 
 
 def homed(points: Points, home: wp.array, sort: CellSort) -> kernels_nodes.Homed:
-    """Points with their homes, as they are sorted by these."""
+    """Return points with their homes, and in the order of these."""
     result = kernels_nodes.Homed()
     result.points, result.home, result.order, result.start = points, home, sort.order, sort.cell_start
     return result
@@ -192,10 +208,11 @@ def homed(points: Points, home: wp.array, sort: CellSort) -> kernels_nodes.Homed
 def _between(
     launcher: Launcher, fine: Points, coarse: Points, length: float, width: float
 ) -> tuple[Lists, wp.array, Lists, wp.array]:
-    """What finer nodes share out among coarser ones, as lists by both."""
+    """Return the matrix from finer nodes to coarser ones and its transpose: lists and values of each (see :class:`NodeLevel`)."""
     count, coarse_count = len(fine.position), len(coarse.position)
     weights = _weights_of(launcher, coarse, width, length)
-    # There is one: the finer nodes were thinned out to these. Lists by home and by node agree only where it is no farther.
+    # Every finer node has a home within this distance, because the coarser ones were chosen among them so that no other fits between.
+    # The two matrices agree only if homes are no farther.
     home = nearest_of(launcher, fine, coarse, HOME_DISTANCE * length, HOME_TURN * length)
     sort = CellSort(launcher, count, coarse_count)
     sort.sort(kernels_nodes.find_homes, [home])
@@ -217,7 +234,7 @@ def _between(
 
 
 def _weights_of(launcher: Launcher, nodes: Points, width: float, length: float) -> kernels_nodes.Weights:
-    """What points are shared out among: nodes of a level of a length, by weights of a width."""
+    """Return the weights, of a width, by which points are deposited on nodes of a level, of a length; both in units."""
     near = runs_of(launcher, lists_of(launcher, nodes, nodes, WEIGHT_REACH * width + HOME_DISTANCE * length), nodes)
     weights = kernels_nodes.Weights()
     weights.nodes, weights.start, weights.near, weights.width = nodes, near.start, near.entry, width

@@ -29,26 +29,30 @@ __all__ = [
     "thinned",
 ]
 
-# Slots of a table for every point in it.
+# Slots of a hash table per point in it.
 SLOTS_PER_POINT = 2
-# Points that are far denser than they are to be kept are first made as few as there are cells of this share of the distance.
+# Before points are thinned out to a distance, one is taken of every cell with this fraction of it as its side, if that leaves less
+# than CROWDED of them.
 CELLS_OF_RADIUS = 4.0
 CROWDED = 0.5
-# Such points look into the same direction where their normals, times this, are the same whole numbers: to one of 27 sides.
+# Normals count as alike if they round to the same whole numbers after they are multiplied by this. Here that makes 27 directions.
 TURNS_OF_CELL = 1.49
-# The same where copies are looked for.
+# The same where exact copies are looked for.
 TURNS_OF_SAME = 8.0
-# Entries that most lists of neighbors have room for; those of other surfaces are made once more.
+# Lists of neighbors are first made with room for this many entries each. If one needs more, all are made again.
 ROOM = 64
-# Numbers that a run takes in rather than end.
+# A run of numbers goes on over a gap of up to this many.
 MOST_BETWEEN = 6
 
 
 @dataclass(frozen=True, eq=False)
 class Lists:
-    """Lists one after the other: where each starts, ``wp.int32``, shape ``[n + 1]``, and what is in them.
+    """Lists in one array, as the rows of a sparse matrix.
 
-    Numbers, ``wp.int32``; or runs of them, ``wp.vec2i``: the first, and the one behind the last.
+    Attributes:
+        start: Where each list starts, ``wp.int32``, shape ``[n + 1]``.
+        entry: What is in them: numbers, ``wp.int32``, or runs of numbers, ``wp.vec2i``, each from its first number up to the second,
+            which is not in it.
     """
 
     start: wp.array
@@ -56,7 +60,7 @@ class Lists:
 
 
 def empty_points(launcher: Launcher, count: int) -> kernels_points.Points:
-    """Points that are still to be written."""
+    """Return arrays for points."""
     points = kernels_points.Points()
     points.position = launcher.empty(count, wp.vec3)
     points.normal = launcher.empty(count, wp.vec3)
@@ -65,14 +69,14 @@ def empty_points(launcher: Launcher, count: int) -> kernels_points.Points:
 
 
 def chosen(launcher: Launcher, points: kernels_points.Points, index: wp.array) -> kernels_points.Points:
-    """Some of the points, by their numbers, ``wp.int32``."""
+    """Return the points with these numbers, ``wp.int32``."""
     result = empty_points(launcher, len(index))
     launcher.launch(kernels_points.choose_points, len(index), [index, points], [result])
     return result
 
 
 def taken(launcher: Launcher, index: wp.array, values: wp.array) -> wp.array:
-    """Some of some numbers, ``float`` or ``wp.int32``, by their places, ``wp.int32``."""
+    """Return the values, ``float`` or ``wp.int32``, at these indices, ``wp.int32``."""
     kernel = kernels_points.take_amounts if values.dtype == wp.float32 else kernels_points.take_numbers
     result = launcher.empty(len(index), values.dtype)
     launcher.launch(kernel, len(index), [index, values], [result])
@@ -80,18 +84,18 @@ def taken(launcher: Launcher, index: wp.array, values: wp.array) -> wp.array:
 
 
 def places_where(launcher: Launcher, mask: np.ndarray) -> wp.array:
-    """Where a mask is true, ``wp.int32``, from the first to the last."""
+    """Return the indices at which a mask is true, ascending, ``wp.int32``."""
     return launcher.array(np.flatnonzero(mask).astype(np.int32), wp.int32)
 
 
 def flagged(launcher: Launcher, flag: wp.array) -> wp.array:
-    """Places of all ones among zeros and ones, ``wp.int32``, from the first to the last."""
+    """Return the indices of all ones in an array of zeros and ones, ascending, ``wp.int32``."""
     start, total = running_sum(launcher, flag)
     return _listed(launcher, flag, start, total)
 
 
 def joined(launcher: Launcher, one: kernels_points.Points, other: kernels_points.Points) -> kernels_points.Points:
-    """Some points, and others behind them."""
+    """Return the points of one, followed by those of the other."""
     count, more = len(one.position), len(other.position)
     result = empty_points(launcher, count + more)
     for to, first, second in (
@@ -105,7 +109,7 @@ def joined(launcher: Launcher, one: kernels_points.Points, other: kernels_points
 
 
 def grid_of(launcher: Launcher, position: wp.array, cell: float) -> kernels_points.PointGrid:
-    """Sort points into cells of a size."""
+    """Sort points into cells of a size, in a hash table."""
     count = len(position)
     slots = _slots_for(count)
     sort = CellSort(launcher, count, slots)
@@ -119,9 +123,15 @@ def grid_of(launcher: Launcher, position: wp.array, cell: float) -> kernels_poin
 
 
 def thinned(launcher: Launcher, points: kernels_points.Points, radius: float, *, crowded: bool = True) -> wp.array:
-    """Numbers of points that keep a distance: as many that no further one fits in; sheets that look apart do not see each other.
+    """Return the numbers of points that keep a distance, so many that none of the others fits between them.
 
-    ``crowded`` is whether most of them may lie nearer to others than a fraction of it.
+    Only distances within one sheet count: points on the two sides of a thin wall may be close.
+
+    Args:
+        launcher: Where to run.
+        points: The points.
+        radius: The distance.
+        crowded: Whether most points may be much closer to each other than that, so that it is worth taking one of each cell first.
     """
     few = _one_of_each_cell(launcher, points, radius / CELLS_OF_RADIUS) if crowded else None
     if few is not None:
@@ -144,14 +154,17 @@ def thinned(launcher: Launcher, points: kernels_points.Points, radius: float, *,
 def alike(
     launcher: Launcher, points: kernels_points.Points, low: np.ndarray, cell: float, turns: float
 ) -> tuple[wp.array, wp.array]:
-    """Return the first of all points that are alike, and which of these each point is like; both ``wp.int32``.
+    """Group points that are alike: that lie in one cell, on one part of the surface, and have about the same normal.
 
     Args:
         launcher: Where to run.
-        points: The points. They are alike where they lie in one cell, on one part and look into the same direction.
-        low: Where cells begin, shape ``[3]``.
+        points: The points.
+        low: Lowest corner of the cells, shape ``[3]``.
         cell: Size of a cell.
-        turns: Directions are the same where normals times this are the same whole numbers.
+        turns: Normals are about the same if they round to the same whole numbers after they are multiplied by this.
+
+    Returns:
+        The first point of every group, and the group of every point; both ``wp.int32``.
     """
     first, is_first = _first_alike(launcher, points, low, cell, turns)
     start, total = running_sum(launcher, is_first)
@@ -159,9 +172,10 @@ def alike(
 
 
 def same(launcher: Launcher, points: kernels_points.Points, low: np.ndarray, cell: float) -> tuple[wp.array, wp.array]:
-    """Return points of which all others are copies, and which of these each point is the same as; both ``wp.int32``.
+    """Find exact copies among points that are alike; for the arguments see :func:`alike`.
 
-    Copies are found among those that are alike (:func:`alike`) in cells of a size that begin at ``low``.
+    Returns:
+        Points of which all others are copies, and which of these each point is the same as; both ``wp.int32``.
     """
     count = len(points.position)
     first, which = alike(launcher, points, low, cell, TURNS_OF_SAME)
@@ -173,7 +187,7 @@ def same(launcher: Launcher, points: kernels_points.Points, low: np.ndarray, cel
 
 
 def _one_of_each_cell(launcher: Launcher, points: kernels_points.Points, cell: float) -> wp.array | None:
-    """Numbers of points of which no two are alike (:func:`alike`), from the first to the last; None if nearly all do not."""
+    """Return the numbers of points of which no two are alike (:func:`alike`), ascending; None if these are most of the points."""
     is_first = _first_alike(launcher, points, np.zeros(3), cell, TURNS_OF_CELL)[1]
     start, total = running_sum(launcher, is_first)
     return _listed(launcher, is_first, start, total) if total < CROWDED * len(is_first) else None
@@ -182,7 +196,7 @@ def _one_of_each_cell(launcher: Launcher, points: kernels_points.Points, cell: f
 def _first_alike(
     launcher: Launcher, points: kernels_points.Points, low: np.ndarray, cell: float, turns: float
 ) -> tuple[wp.array, wp.array]:
-    """For every point the first one that it is like, see :func:`alike`, and whether it is that itself."""
+    """Return for every point the first one of its group, see :func:`alike`, and whether it is that point itself."""
     count = len(points.position)
     slots = _slots_for(count)
     likeness = kernels_points.Likeness()
@@ -196,21 +210,21 @@ def _first_alike(
 
 
 def _listed(launcher: Launcher, flag: wp.array, start: wp.array, total: int) -> wp.array:
-    """Places of all ones among zeros and ones, of which the running sum is known."""
+    """Return the indices of all ones in an array of zeros and ones, whose running sum is known."""
     result = launcher.empty(total, wp.int32)
     launcher.launch(kernels_points.list_flagged, len(flag), [flag, start], [result])
     return result
 
 
 def _slots_for(count: int) -> int:
-    """Slots of a table of so many points: a power of two."""
+    """Return the number of slots of a hash table for so many points, a power of two."""
     return 1 << max(4, (SLOTS_PER_POINT * count - 1).bit_length())
 
 
 def nearest_of(
     launcher: Launcher, points: kernels_points.Points, others: kernels_points.Points, reach: float, turn: float
 ) -> wp.array:
-    """Nearest of ``others`` for every point; see :func:`.kernels_points.find_nearest`."""
+    """Return the nearest of ``others`` within ``reach`` for every point, or -1; see :func:`.kernels_points.find_nearest`."""
     result = launcher.empty(len(points.position), wp.int32)
     launcher.launch(
         kernels_points.find_nearest,
@@ -230,9 +244,16 @@ def lists_of(
     least_cosine: float = -2.0,
     related: tuple[wp.array, int] | None = None,
 ) -> Lists:
-    """The ``others`` within ``reach`` of every point, on its part.
+    """List for every point the ``others`` near it that it sees.
 
-    And on those that have to do with it, by an array and where in it that begins; see :mod:`esh.engine.surface.kernels_relations`.
+    Args:
+        launcher: Where to run.
+        points: The points.
+        others: The points that are listed.
+        reach: Greatest distance.
+        least_cosine: Least cosine between the two normals.
+        related: Which parts of the surface see each other, and where in that array this begins, see
+            :mod:`esh.engine.surface.kernels_relations`. None: a point sees its own part only.
     """
     n = len(points.position)
     numbers, relations = (launcher.zeros(1, wp.int32), 0) if related is None else related
@@ -254,7 +275,10 @@ def lists_of(
 
 
 def runs_of(launcher: Launcher, lists: Lists, others: kernels_points.Points) -> Lists:
-    """Lists of numbers of ``others`` as runs of them; with a few more, so that the CPU, which takes several at once, has fewer."""
+    """Turn lists of numbers of ``others`` into lists of runs of them.
+
+    On a CPU, which takes several points at once, small gaps are filled so that there are fewer runs: these list a few points more.
+    """
     between = 0 if launcher.device.is_cuda else MOST_BETWEEN
     n = len(lists.start) - 1
     count = launcher.empty(n, wp.int32)
