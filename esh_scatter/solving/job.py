@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import bpy
 import numpy as np
@@ -16,34 +15,24 @@ import numpy as np
 from ...engine.device.devices import resolve_device
 from ...engine.device.launcher import Launcher
 from ...engine.errors import ProblemError
-from ...engine.problem.balance import Balance
-from ...engine.problem.body_class import BodyClass
-from ...engine.problem.fixed_bodies import FixedBodies
-from ...engine.problem.obstacles import Obstacle
 from ...engine.problem.placement import Placement
-from ...engine.problem.prepared_class import PreparedClass
-from ...engine.problem.problem import Problem, SamplingSettings
+from ...engine.problem.problem import Problem
 from ...engine.problem.report import Report
 from ...engine.problem.scatter_settings import ScatterSettings
-from ...engine.problem.settings import takes, values_of, with_changes
-from ...engine.problem.surface_directions import SurfaceDirection
+from ...engine.problem.settings import takes, with_changes
 from ...engine.problem.validation import as_whole, check_name, show
 from ...engine.solve import moved, solve_on
 from ...engine.solver.progress import Progress
 from ...engine.surface.chart import Chart
 from ...engine.surface.instances import Instances
-from ...engine.surface.triangle_mesh import TriangleMesh
 from ...engine.surface.whole_surface import WholeSurface
-from ..classes.classes_from_above import ClassesFromAbove, directions_from_above
 from ..classes.directions import DirectionSource
 from ..classes.lent_survey import lent_survey
-from ..classes.on_whole_surface import classes_on_surface
-from ..classes.outlined_sizes import unread_of_standing
 from ..classes.scatter_class import ScatterClass, check_classes, color_of, direction_of, standing_of
-from ..classes.sources import SizeShape, SizeSource, SourceReader, measure_size
-from ..classes.standing import STEEPEST, Unread
+from ..classes.sources import SizeShape, SizeSource, SourceReader
+from ..classes.standing import STEEPEST
 from ..classes.survey import Survey
-from ..densities.density_source import Density, DensityReader, Known, attribute_names
+from ..densities.density_source import Known, attribute_names
 from ..densities.image_density import stored_density
 from ..result.following import followed
 from ..result.kept_ground import LEANING_OF, LOWEST_POINTS, ON_WHOLE, SEED, UNREAD_STANDING, KeptPlaces
@@ -57,53 +46,33 @@ from ..targets.references import Reference
 from ..targets.subdivision import read_subdivision
 from ..targets.target import RESULT_TARGET, check_exists, is_result, world_matrix
 from ..targets.targets import Target, Targets, read_targets
-from .obstacles import ObstacleSource, StoredObstacle, obstacles_in, read_obstacles
-from .obstacles_on_surface import obstacles_on
+from .obstacles import ObstacleSource, read_obstacles
+from .preparation import Preparation, Reading, scales_of, size_numbers
 
 __all__ = ["ScatterJob", "ScatterResult"]
 
-# What positions may be rounded by, as a share of the root of the smallest footprint: less than the report sees of an overlap, or than
-# anybody sees where overlap does not count.
+# Largest rounding error of positions that nothing is said of, over the root of the smallest footprint's area: where overlaps count,
+# less than the report sees of them; elsewhere, less than anybody sees.
 UNREPORTED, UNSEEN = 1e-3, 0.05
-# Seconds in which outlines are parted once a run was stopped, to keep what is there; the report says how many overlap all the same.
+# Seconds for parting outlines after a run was stopped, so that its result can be kept. The report says how many overlap all the same.
 PARTING = 1.0
 ROUNDED = (
     "so far from the world's origin Blender rounds positions to {:.2g} m; the report tells of objects where it puts them; move the "
     "scene nearer to the origin"
 )
 LOST = "{:,} moved or pinned object{} lost: the new target is elsewhere"
-# What a scatter can be told by name beside its settings.
+# Arguments of a scatter by name, beside its settings.
 ASKED_BESIDE = ("name", "result", "obstacles", "pinned", "progress")
 # Of a surface that hides more than the other side of a solid, from above; steeper ground than 53 degrees all over does.
 LEAST_SEEN = 0.6
-# On a wall outlines lie along it, and say nothing of how high above them an object reaches that does not stand out from it. Noticed is
-# what is aligned less than this, of which more than such a share stands there.
+# On a wall outlines lie along the wall. They say nothing of an object that does not stand out from it but upright. A note names
+# classes that are aligned to the ground by less than UPRIGHT and have more than a share of LEAST_ON_WALLS of their objects on walls.
 UPRIGHT, LEAST_ON_WALLS = 0.5, 0.02
 ON_WALLS = (
     "{} stands upright on walls, along which outlines keep apart: the objects above these may still reach into each other, unless "
     "they are aligned to the ground"
 )
 SEEN = 'seen from above, {} is {} as large as its surface; choose "Whole Surface" to cover all of it'
-
-
-class _Reading(NamedTuple):
-    """What was read from Blender and is still to be worked out.
-
-    Attributes:
-        target: The target's mesh.
-        sources: By class and size.
-        densities: By class.
-        directions: By class, as a :class:`Line` takes them, or what they are read from.
-        obstacles: What objects keep off.
-        pins: What stays of the result that is replaced, and which of its size's objects each is.
-    """
-
-    target: TriangleMesh
-    sources: list[list[SizeSource]]
-    densities: list[Density]
-    directions: list[str | float | np.ndarray | DirectionSource]
-    obstacles: list[StoredObstacle]
-    pins: tuple[Pins, np.ndarray] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,28 +145,29 @@ class ScatterJob:
         self._result = None if replaced is None else Reference(replaced, "result")
         self.classes = check_classes(classes)
         self._given_pinned = _check_pinned(pinned, len(self.classes))
-        # What the classes place; and of all sizes, class by class, what their bodies look like.
+        # Objects that the classes place; then, of every size, what its bodies look like and what its objects are in space; and, by
+        # class, how much of how objects stand has no influence on where they are.
         self._sources: list[Reference] = []
         self._shapes: list[SizeShape] = []
         self._hulls: list[SizeHulls | None] = []
         self._unread: list[int] = []
         self.survey = survey
         self._given_obstacles = obstacles
-        # What is to be said of objects that were placed by hand and do not stay.
+        # A note on objects that were placed by hand and do not stay, if there are any.
         self._lost = ""
-        self._reading: _Reading | None = self._read(context)
+        self._reading: Reading | None = self._read(context)
         self.placement: Placement | None = None
         self.made_with = ""
         self._points: ResultPoints | None = None
-        # What these points get, worked out where the window does not wait for it.
+        # The attributes of these points, worked out in the solver's thread so that the window need not wait.
         self._attributes: tuple[ResultPoints, dict[str, tuple[str, np.ndarray]]] | None = None
         if prepare:
             self.prepare()
 
-    def _read(self, context: bpy.types.Context) -> _Reading:
+    def _read(self, context: bpy.types.Context) -> Reading:
         """Read everything from Blender, as it is now."""
         targets = self._targets.objects
-        # Classes that follow the same image have it looked at once.
+        # Images that several classes follow are read once.
         known: Known = {}
         reader = SourceReader(targets, context)
         self._sources = reader.objects
@@ -218,7 +188,7 @@ class ScatterJob:
         ground = read_targets(targets, context, names, self.settings, vectors)
         self._stood = [world_matrix(item, context) for item in targets]
         self._divided = [read_subdivision(item, context) for item in targets]
-        return _Reading(ground, sources, densities, directions, obstacles, pins)
+        return Reading(ground, sources, densities, directions, obstacles, pins)
 
     def _pins(self, own: bpy.types.Object, sources: Sequence[Sequence[SizeSource]]) -> tuple[Pins, np.ndarray] | None:
         """Return what stays of the result that is replaced, and which of its size's objects each of these is."""
@@ -236,7 +206,7 @@ class ScatterJob:
         if pins is None:
             return None
         objects = [source.objects for of_class in sources for source in of_class]
-        variant = _variants(objects, self._sources, self._size_number(pins), pins.source)
+        variant = _variants(objects, self._sources, size_numbers(self.classes, pins), pins.source)
         return pins, variant
 
     def prepare(self) -> None:
@@ -252,115 +222,13 @@ class ScatterJob:
         # Pixels and meshes may be large.
         self._reading = None
 
-    def _work_out(self, reading: _Reading, survey: Survey) -> None:
+    def _work_out(self, reading: Reading, survey: Survey) -> None:
         """Set the problem, and what objects are from above or along the surface, by what was read."""
+        # At once: also of a problem that cannot be worked out it is told whether objects stand on the whole surface.
         self.chart = survey.begin(reading.target, self.settings)
-        domain = survey.domain(self.chart, self.settings)
-        names = [scatter_class.name for scatter_class in self.classes]
-        reader = DensityReader(self.chart.points, dict(zip(names, reading.densities, strict=True)))
-        directions = [
-            _direction_on(self.chart, one, survey, f'`direction` of class "{c.name}"')
-            for one, c in zip(reading.directions, self.classes, strict=True)
-        ]
-        shapes_of_classes: list[list[SizeShape]] = []
-        values_of_classes: list[np.ndarray] = []
-        for number, scatter_class in enumerate(self.classes):
-            scale = float(self._scales[number])
-            shapes = [
-                measure_size(size, source, directions[number], survey, scale)
-                for size, source in zip(scatter_class.sizes, reading.sources[number], strict=True)
-            ]
-            values_of_classes.append(survey.density(scatter_class.name, reader, self.chart))
-            shapes_of_classes.append(shapes)
-        self._shapes = [shape for shapes in shapes_of_classes for shape in shapes]
-        self._hulls = self._hulls_of_sizes(reading, survey)
-        self._unread = self._unread_standing(shapes_of_classes)
-        obstacles: list[Obstacle] = []
-        if reading.obstacles and isinstance(self.chart, WholeSurface):
-            free, obstacles = obstacles_on(reading.obstacles, self.chart, self._shapes, survey)
-            values_of_classes = [values * free for values in values_of_classes]
-        classes = self._prepare_classes(reading, shapes_of_classes, values_of_classes)
-        if reading.obstacles and isinstance(self.chart, Chart):
-            keeping_off = [c for c in classes if isinstance(c, PreparedClass)]
-            obstacles = obstacles_in(reading.obstacles, self.chart, survey, keeping_off)
-        self.problem = Problem(
-            domain,
-            classes,
-            Balance(**values_of(self.settings, Balance)),
-            **values_of(self.settings, SamplingSettings),
-            obstacles=obstacles,
-            fixed=self._fixed(reading),
-            include_fixed=True,
-        )
-
-    def _hulls_of_sizes(self, reading: _Reading, survey: Survey) -> list[SizeHulls | None]:
-        """Return what the objects of all sizes are in space: of those with outlines of their own, where anything may lean."""
-        chart = self.chart
-        found: list[SizeHulls | None] = []
-        standings = [standing_of(c, self.settings) for c in self.classes]
-        leans = isinstance(chart, WholeSurface) or any(
-            one.tilt > 0.0 or chart.slope(one.align_to_normal) is not None for one in standings
-        )
-        room = [c.room for c in self.classes for _ in c.sizes]
-        sources = [source for of_class in reading.sources for source in of_class]
-        for shape, source, factor in zip(self._shapes, sources, room, strict=True):
-            meshes = [mesh for mesh in source.meshes if isinstance(mesh, TriangleMesh)]
-            if leans and self.settings.avoid_overlap and shape.own_outlines and len(meshes) == len(shape.objects):
-                found.append(SizeHulls(shape.objects, tuple(survey.hull(mesh) for mesh in meshes), factor))
-            else:
-                found.append(None)
-        return found
-
-    def _unread_standing(self, shapes: Sequence[Sequence[SizeShape]]) -> list[int]:
-        """Return how much of how its objects stand has no influence on where they are, by class."""
-        if not self.settings.avoid_overlap:
-            return [Unread.NOTHING] * len(shapes)
-        chart, leaning = self.chart, None
-        if isinstance(chart, Chart) and (slope := chart.slope(1.0)) is not None:
-            leaning = slope, chart.area
-        return [unread_of_standing(*pair, leaning) for pair in zip(self.classes, shapes, strict=True)]
-
-    def _prepare_classes(
-        self, reading: _Reading, shapes: Sequence[Sequence[SizeShape]], values: Sequence[np.ndarray]
-    ) -> list[PreparedClass] | list[BodyClass]:
-        """Return what the engine is to place, from densities at the chart's points."""
-        chart = self.chart
-        pins = None if reading.pins is None else reading.pins[0]
-        staying = Counter() if pins is None else Counter(zip(pins.class_index, pins.size_index, strict=True))
-        if isinstance(chart, Chart):
-            name = reading.target.name
-            return ClassesFromAbove(chart, name, self.classes, shapes, self.settings, staying).prepare(values)
-        return classes_on_surface(chart, self.classes, shapes, values, self.settings, staying)
-
-    def _fixed(self, reading: _Reading) -> Sequence[FixedBodies]:
-        """Return the bodies that stay."""
-        if reading.pins is None:
-            return ()
-        pins, variant = reading.pins
-        scale, group = self._scales[pins.class_index], self._size_number(pins)
-        # All objects of a size have one footprint, unless each has its own.
-        own_ones = np.array([shape.outlines_of_variants for shape in self._shapes])[group]
-        outline = np.where(own_ones, variant, 0)
-        if isinstance(self.chart, Chart):
-            return (pins.fixed_in(self.chart, outline, scale),)
-        # Those of a range have the ground that their objects were fitted to.
-        area = np.full(len(variant), np.nan)
-        for number, shape in enumerate(self._shapes):
-            outlines = [outline for outline in shape.outlines if outline is not None]
-            if isinstance(shape.area, tuple) and outlines:
-                own = np.flatnonzero(group == number)
-                area[own] = pins.fit[own] ** 2 * np.array([outline.area for outline in outlines])[variant[own]]
-        return (pins.fixed_on(self.chart, area, outline, scale),)
-
-    @property
-    def _scales(self) -> np.ndarray:
-        """Factors on the objects of every class, float64, shape ``[classes]``."""
-        return np.array([standing_of(c, self.settings).scale for c in self.classes], np.float64)
-
-    def _size_number(self, bodies: Pins | KeptPlaces | Placement) -> np.ndarray:
-        """Numbers of the sizes of bodies, of those of all classes, one class after the other, shape ``[n]``."""
-        first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
-        return first[bodies.class_index] + bodies.size_index
+        done = Preparation(reading, self.chart, self.classes, self.settings, survey)
+        self.problem = done.problem
+        self._shapes, self._hulls, self._unread = done.shapes, done.hulls, done.unread
 
     @property
     def stands_on_whole(self) -> bool | None:
@@ -431,7 +299,7 @@ class ScatterJob:
         """Return the placement that objects stand on; its report then also says which of them lean into each other. In any thread."""
         points = self._points
         assert points is not None
-        return with_leaning(placement, points, self._size_number(placement), self._hulls)
+        return with_leaning(placement, points, size_numbers(self.classes, placement), self._hulls)
 
     def _upright_on_walls(self, placement: Placement) -> str:
         """Return the names of classes that keep apart on walls and stand upright there, in quotes."""
@@ -452,13 +320,13 @@ class ScatterJob:
         They have the outlines that they have, whatever would be drawn for them in a run that begins anew.
         """
         chart = self.chart
-        group = self._size_number(places)
+        group = size_numbers(self.classes, places)
         start = {
             "angle": places.angle,
             "length": places.length,
             "identity": places.identity,
             "variant": _variants([shape.objects for shape in self._shapes], self._sources, group, places.source),
-            "scale": places.scale / self._scales[places.class_index],
+            "scale": places.scale / scales_of(self.classes, self.settings)[places.class_index],
         }
         if isinstance(chart, Chart):
             return {"position": places.position[:, :2] - chart.origin, **start}
@@ -529,7 +397,7 @@ class ScatterJob:
         """Write the result as :meth:`write` does, whether it has a report or not; return it and the objects it shows."""
         if self.placement is None:
             raise ProblemError("a scatter must be solved before it is shown")
-        # All of them first: nothing has been changed if one is gone.
+        # Looked up before anything is written: if one is gone, nothing has been changed.
         scene = self._scene.get() if context is None else context.scene
         target, sources = self.target, self.sources
         replaced = _check_mode(self.result or find_result(scene, target, self.name))
@@ -551,23 +419,13 @@ class ScatterJob:
         seed = self.settings.seed
         item.data[SEED] = seed if seed < 2**31 else str(seed)
         item.data[VARIANTS] = variants_told(self._shapes)
-        scales = np.repeat(self._scales, [len(c.sizes) for c in self.classes]).tolist()
+        scales = np.repeat(scales_of(self.classes, self.settings), [len(c.sizes) for c in self.classes]).tolist()
         item.data[LOWEST_POINTS] = lowest_told(self._shapes, scales)
         item.data[UNREAD_STANDING] = self._unread
         if any(one is not None for one in self._hulls):
             item.data[LEANING_OF] = self._number_of_standing(points)
         item.data[ON_WHOLE] = isinstance(self.chart, WholeSurface)
         return item, sources
-
-
-def _direction_on(
-    chart: Chart | WholeSurface, direction: str | float | np.ndarray | DirectionSource, survey: Survey, key: str
-) -> str | float | np.ndarray | SurfaceDirection:
-    """Return a direction as a :class:`Line` takes it on a chart."""
-    if not isinstance(direction, DirectionSource):
-        return direction
-    vectors = survey.directions(direction, chart, key)
-    return chart.vectors(vectors) if isinstance(chart, WholeSurface) else directions_from_above(chart, vectors)
 
 
 def _variants(
