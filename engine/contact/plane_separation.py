@@ -19,7 +19,8 @@ from . import kernels_bends, kernels_outlines, kernels_pairs, kernels_separation
 from .changes_of_place import best_of_lanes, trials_for
 from .footprint_tables import footprint_tables
 from .guidance import Guidance
-from .separation import MOST_JUMPS, SKIN, TOLERANCE, ProposedPlaces, Separation
+from .outlines_in_space import SKIN, TOLERANCE, ProposedPlaces
+from .separation import MOST_JUMPS, Separation
 from .standing_outlines import StandingOutlines, standing_outlines
 
 __all__ = ["PlaneSeparation"]

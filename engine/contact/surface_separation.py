@@ -27,7 +27,8 @@ from . import (
 )
 from .changes_of_place import best_of_lanes, trials_for
 from .footprint_tables import footprint_tables
-from .separation import PLACES_OF_JUMP, SKIN, TOLERANCE, ProposedPlaces, Separation
+from .outlines_in_space import SKIN, TOLERANCE, ProposedPlaces
+from .separation import PLACES_OF_JUMP, Separation
 from .surface_contact import SLOTS_PER_BODY
 from .surface_obstacles import outlines_among, spots_of_outlines
 
