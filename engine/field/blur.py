@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
@@ -41,6 +42,7 @@ __all__ = [
     "USUAL_REGULARITY",
     "WIDEST",
     "Blur",
+    "BlurSettings",
     "blur_over_spacing",
     "core",
 ]
@@ -76,6 +78,23 @@ SMOOTHING = 1.0
 LEVEL_RATIO = 2.0
 # A blur that varies less than this is taken to be everywhere the same.
 NEGLIGIBLE = 1.1
+
+
+@dataclass(frozen=True)
+class BlurSettings:
+    """How a field blurs charges and targets.
+
+    Attributes:
+        regularity: How regular patterns are to be, 0 to 1.
+        over_spacing: Width of the blur between two charges over their spacing; None for the width that the regularity asks for.
+        sharper: By how much the variance between charges of two families is divided.
+        smooth: Whether charges have no core, and are blurred by that width however few they are.
+    """
+
+    regularity: float = USUAL_REGULARITY
+    over_spacing: float | None = None
+    sharper: float = SHARPER_BETWEEN
+    smooth: bool = False
 
 
 def blur_over_spacing(regularity: float, uniform: bool) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..space.density import box_integrals
 from ..space.space import Space
-from .field import FieldTarget
+from .field_targets import FieldTarget
 
 __all__ = ["direct_field"]
 

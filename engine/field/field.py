@@ -10,7 +10,6 @@ Units: the solver's length unit makes the mean number density 1, and its charge 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
@@ -23,14 +22,15 @@ from ..space.part import Part
 from ..space.space import Space
 from ..space.target_deposit import deposit_images, mix_images
 from . import blur, kernels_feedback, kernels_field, kernels_gather, kernels_near, kernels_splines
-from .blur import LEAST_OF_SMALL, SHARPER_BETWEEN, USUAL_REGULARITY
+from .blur import LEAST_OF_SMALL, USUAL_REGULARITY, BlurSettings
 from .field_meshes import FEWEST_NODES, charge_mesh, cutoff_of
+from .field_targets import FieldTarget, TargetImages, distinct_images
 from .influence import convolution_of, far_influence
 from .near_tiles import every_other, lots_of
 from .target_correction import TargetCorrection
 from .target_feedback import TargetFeedback
 
-__all__ = ["Field", "FieldTarget", "counts_of"]
+__all__ = ["Field"]
 
 # Bands of cells that CPU threads deposit the charges of, for every thread: enough that a crowded one keeps no thread waiting.
 BANDS_PER_THREAD = 8
@@ -46,21 +46,6 @@ MOST_THREADS_OF_CHARGE = 4
 FEW_CHARGES = 60
 
 
-@dataclass(frozen=True, eq=False)
-class FieldTarget:
-    """Target density of one group: an image (see :mod:`~esh.engine.problem.problem`) and the charge that its integral stands for.
-
-    Groups of one ``class_index`` follow one image. Those of several may, too; then it is laid on the mesh once. ``more`` are others
-    that are added to it. Where the image fades towards a cut, ``whole`` is what it was before, which says how dense bodies stand.
-    """
-
-    image: np.ndarray
-    charge: float
-    more: tuple[FieldTarget, ...] = ()
-    class_index: int | None = None
-    whole: np.ndarray | None = None
-
-
 class Field:
     """Evaluates the force per unit charge, -grad of sum_h M[g, h] K * (rho_h - u_h), at every charge of group g.
 
@@ -72,16 +57,13 @@ class Field:
         spacing: Typical distance of neighboring bodies where they are dense; sets the mesh.
         charge: Charge of every particle, shape ``[n]``.
         charge_group: Its group, shape ``[n]``.
-        regularity: 0 to 1, see :mod:`.blur`.
-        blur_over_spacing: Width of the blur between two charges over their spacing; None for what the regularity asks for.
-        family: Of every group, shape ``[group_count]``; None for one. Charges of two families are blurred less.
-        sharper: By how much the variance between them is divided.
-        fewest_nodes: Of the targets' mesh; None for the usual.
-        smooth: Whether charges have no core, see :mod:`.blur`, and are blurred so widely however few they are.
-        whole_charge: What charges were before they faded towards a cut, shape ``[n]``: their blur is that of bodies of this size; None
-            where none did.
-        part: The part of the space that holds all charges and targets; None where that is no small one. Meshes and cells lie over it
-            alone, in coordinates of their own, and it ends at its edges, whatever the space does.
+        whole_charge: What charges were before they faded towards a cut, shape ``[n]``: their blur is that of bodies of this size. None
+            if none faded.
+        family: Family of every group, shape ``[group_count]``; None for a single one. Charges of two families are blurred less.
+        blur_settings: How charges and targets are blurred.
+        fewest_nodes: Least number of nodes of the targets' mesh; None for the usual one.
+        part: The part of the space that holds all charges and targets; None if that is not small. Meshes and cells lie over it alone,
+            in coordinates of their own, and it ends at its edges, whatever the space does.
 
     Attributes:
         layout: The charges' mesh.
@@ -109,22 +91,21 @@ class Field:
         spacing: float,
         charge: np.ndarray,
         charge_group: np.ndarray,
-        regularity: float = USUAL_REGULARITY,
-        blur_over_spacing: float | None = None,
-        family: np.ndarray | None = None,
-        sharper: float = SHARPER_BETWEEN,
-        fewest_nodes: int | None = None,
-        smooth: bool = False,
         whole_charge: np.ndarray | None = None,
+        family: np.ndarray | None = None,
+        blur_settings: BlurSettings | None = None,
+        fewest_nodes: int | None = None,
         part: Part | None = None,
     ) -> None:
         self.launcher = launcher
         self._take_part(space, part)
         self.group_count, self.charge_count = len(targets), len(charge)
-        images, whole, charge_of_image, self.image_of_class = _distinct_images(targets)
-        uniform = all(float(np.ptp(image)) == 0.0 for image in whole)
+        images = distinct_images(targets)
+        uniform = images.uniform
+        asked = BlurSettings() if blur_settings is None else blur_settings
+        blur_over_spacing = asked.over_spacing
         if blur_over_spacing is None:
-            blur_over_spacing = blur.blur_over_spacing(regularity, uniform)
+            blur_over_spacing = blur.blur_over_spacing(asked.regularity, uniform)
         self.layout = charge_mesh(
             self.space,
             spacing,
@@ -133,14 +114,14 @@ class Field:
             on_gpu=launcher.device.is_cuda,
             blur_over_spacing=blur_over_spacing,
         ).in_part(self._origin, self._whole)
-        wide = smooth or regularity < USUAL_REGULARITY or self.charge_count > FEW_CHARGES
+        wide = asked.smooth or asked.regularity < USUAL_REGULARITY or self.charge_count > FEW_CHARGES
         self.cutoff = cutoff_of(self.layout, blur_over_spacing * spacing if wide else 0.0)
         self.mesh, self.node_count = self.layout.for_kernels(), self.layout.node_count
         self._convolution = convolution_of(launcher, self.layout, self.group_count)
         self._interaction = launcher.array(interaction.ravel().astype(np.float32), float)
         self._choose_cells()
         self._make_room(interaction)
-        self._lay_images(images, interaction @ charge_of_image)
+        self._lay_images(images, interaction @ images.charge)
         self._influence = launcher.shared(
             ("influence", self.layout, self.cutoff), lambda: far_influence(self._convolution, self.layout, self.cutoff)
         )
@@ -151,12 +132,10 @@ class Field:
             space=self.space,
             within=(self._origin, self._whole),
             images=images,
-            whole=whole,
-            attraction=np.stack([(interaction * same) @ charge_of_image, (interaction * ~same) @ charge_of_image]),
-            sharper=sharper,
-            number=_followers(charge_of_image, charge_group),
+            attraction=np.stack([(interaction * same) @ images.charge, (interaction * ~same) @ images.charge]),
+            sharper=asked.sharper,
+            number=images.followers(charge_group),
             spacing=spacing,
-            uniform=uniform,
             charge=charge if whole_charge is None else whole_charge,
             blur_over_spacing=blur_over_spacing,
             cutoff=self.cutoff,
@@ -164,11 +143,11 @@ class Field:
         )
         self.blur, self.fine_layout = self._correction.blur, self._correction.layout
         self.core, self.core_end = blur.core(blur_over_spacing, uniform)
-        self.core = 0.0 if smooth else self.core
+        self.core = 0.0 if asked.smooth else self.core
         self._corrected = self._correction.for_kernels()
         self._given = self._given_charges(charge, charge_group, whole_charge)
         self._places = self._blur_of_places(None if same.all() else family)
-        self._blurred = self._blurred_by(sharper)
+        self._blurred = self._blurred_by(asked.sharper)
 
     def _take_part(self, space: Space, part: Part | None) -> None:
         """Lie over a part of the space, or all of it."""
@@ -241,10 +220,10 @@ class Field:
         cells.origin, cells.space = wp.vec2(*self._origin), self.space.for_kernels()
         self.cells = cells
 
-    def _lay_images(self, images: list[np.ndarray], attracting: np.ndarray) -> None:
+    def _lay_images(self, images: TargetImages, attracting: np.ndarray) -> None:
         """Lay the images on the mesh; ``attracting`` is the charge of each that every group sees, shape ``[groups, images]``."""
-        self.images = images
-        self.deposited = deposit_images(self.launcher, images, self.layout)
+        self.images, self.image_of_class = images.images, images.of_class
+        self.deposited = deposit_images(self.launcher, self.images, self.layout)
         self.attraction = mix_images(self.launcher, self.deposited, attracting, self.node_count)
         self.mean_attraction = attracting.sum(axis=1) / (self.node_count * self.layout.node_area)
         self._attracting = attracting
@@ -368,57 +347,3 @@ def _threads_of_charge(count: int) -> int:
     while threads < MOST_THREADS_OF_CHARGE and 2 * threads * count <= THREADS_OF_GPU:
         threads *= 2
     return threads
-
-
-def _known(image: np.ndarray, images: list[np.ndarray]) -> np.ndarray:
-    """The one of ``images`` that equals an image, which need not be worked on again; or the image itself."""
-    for known in images:
-        if known is image:
-            return known
-        if known.shape == image.shape and np.array_equal(known[0], image[0]) and np.array_equal(known, image):
-            return known
-    return image
-
-
-def _followers(charge_of_image: np.ndarray, charge_group: np.ndarray) -> list[float]:
-    """Number of charges that follow each image: those of a group by what it has of its charge."""
-    share = charge_of_image / np.maximum(charge_of_image.sum(axis=1, keepdims=True), 1e-300)
-    if len(share) == 1:
-        return (len(charge_group) * share[0]).tolist()
-    return (counts_of(charge_group, len(share)) @ share).tolist()
-
-
-def counts_of(group: np.ndarray, count: int) -> np.ndarray:
-    """Number of charges or bodies of every group; most lie group after group, which takes a third of the time."""
-    if count == 1:
-        return np.array([len(group)])
-    if (group[1:] >= group[:-1]).all():
-        return np.diff(np.searchsorted(group, np.arange(count + 1, dtype=group.dtype)))
-    return np.bincount(group, minlength=count)
-
-
-def _distinct_images(
-    targets: Sequence[FieldTarget],
-) -> tuple[list[np.ndarray], list[np.ndarray], np.ndarray, dict[int, int]]:
-    """Find the images that groups follow, one per class.
-
-    Returns:
-        The images; what they were before they faded; the charge of each group by image, shape ``[groups, images]``; and each class's
-        image.
-    """
-    images: list[np.ndarray] = []
-    whole: list[np.ndarray] = []
-    place: dict[tuple[str, int], int] = {}
-    entries = []
-    for group, target in enumerate(targets):
-        for part in (target, *target.more):
-            key = ("image", id(part.image)) if part.class_index is None else ("class", part.class_index)
-            if key not in place:
-                place[key] = len(images)
-                images.append(_known(part.image, images))
-                whole.append(images[-1] if part.whole is None else _known(part.whole, whole))
-            entries.append((group, place[key], part.charge))
-    charge = np.zeros((len(targets), len(images)))
-    for group, index, amount in entries:
-        charge[group, index] += amount
-    return images, whole, charge, {number: index for (kind, number), index in place.items() if kind == "class"}

@@ -11,7 +11,8 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..space.space import Space
 from . import kernels_mirror
-from .field import Field, FieldTarget
+from .field import Field
+from .field_targets import FieldTarget
 
 __all__ = ["COPIES", "MirroredField"]
 

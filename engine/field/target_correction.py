@@ -18,6 +18,7 @@ from ..space.target_deposit import deposit_images, mix_images
 from . import kernels_correction
 from .blur import Blur
 from .field_meshes import FINEST_BLUR_OVER_MESH, target_mesh, widest_blur
+from .field_targets import TargetImages
 from .influence import convolution_of, rest_influences
 
 __all__ = ["TargetCorrection"]
@@ -32,14 +33,12 @@ class TargetCorrection:
         launcher: Where to run.
         space: What the targets lie over.
         within: Where that begins in the space that images lie over, and this.
-        images: The target densities of all classes; equal ones are one array.
-        whole: What they were before they faded towards a cut, which says how dense bodies stand; mostly the same.
+        images: The target densities of all classes.
         attraction: Charge of each image that attracts each group, shape ``[2, group_count, image_count]``: of its own
             family, and of all others, whose variances are divided by ``sharper``.
         sharper: See :mod:`.blur`.
         number: Charges that follow each image.
         spacing: Typical distance of neighboring bodies where they are dense.
-        uniform: Whether the density is everywhere the same.
         charge: All charges, before they faded.
         blur_over_spacing: Width of the blur between two charges at that spacing, over it.
         cutoff: Where the split ends; see :mod:`.splitting`.
@@ -60,19 +59,18 @@ class TargetCorrection:
         *,
         space: Space,
         within: tuple[tuple[float, float], Space],
-        images: Sequence[np.ndarray],
-        whole: Sequence[np.ndarray],
+        images: TargetImages,
         attraction: np.ndarray,
         sharper: float,
         number: Sequence[float],
         spacing: float,
-        uniform: bool,
         charge: np.ndarray,
         blur_over_spacing: float,
         cutoff: float,
         fewest_nodes: int,
     ) -> None:
         self._launcher = launcher
+        uniform = images.uniform
         self.layout = target_mesh(
             space,
             spacing,
@@ -83,12 +81,12 @@ class TargetCorrection:
             uniform=uniform,
             fewest_nodes=fewest_nodes,
         ).in_part(*within)
-        deposited = deposit_images(launcher, images, self.layout)
-        faded = any(a is not b for a, b in zip(images, whole, strict=True))
+        deposited = deposit_images(launcher, images.images, self.layout)
+        at_first = images.faded and not uniform
         self.blur = Blur(
             launcher,
             layout=self.layout,
-            deposited=deposit_images(launcher, whole, self.layout) if faded and not uniform else deposited,
+            deposited=deposit_images(launcher, images.whole, self.layout) if at_first else deposited,
             number=number,
             spacing=spacing,
             width=blur_over_spacing * spacing,
@@ -96,7 +94,9 @@ class TargetCorrection:
             uniform=uniform,
             charge=charge,
         )
-        row, scale, distinct = _distinct_rows(np.concatenate(attraction, axis=1), [id(image) for image in images])
+        row, scale, distinct = _distinct_rows(
+            np.concatenate(attraction, axis=1), [id(image) for image in images.images]
+        )
         self.row = launcher.array(np.asarray(row, np.int32), wp.int32)
         self.scale = launcher.array(np.asarray(scale, np.float32), float)
         of_row = len(self.blur.levels) * self.layout.node_count

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from ..field.field import FieldTarget
+from ..field.field_targets import FieldTarget
 from ..problem.image_filters import gaussian_blur
 from ..space.density import box_integrals
 from .model import Model

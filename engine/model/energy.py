@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..field.field import FieldTarget
+from ..field.field_targets import FieldTarget
 from ..space.density import box_integrals
 from .attraction import group_targets
 from .model import Model

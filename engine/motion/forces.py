@@ -9,7 +9,9 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
-from ..field.field import Field, FieldTarget, counts_of
+from ..field.blur import BlurSettings
+from ..field.field import Field
+from ..field.field_targets import FieldTarget, counts_of
 from ..field.mirrored_field import COPIES, MirroredField
 from ..field.target_feedback import feedback_widths
 from ..model.attraction import group_targets
@@ -77,9 +79,9 @@ class Forces:
             "charge_group": model.charge_group,
             "fewest_nodes": settings.fewest_nodes,
             "family": model.groups.class_index,
-            "regularity": problem.regularity,
-            "blur_over_spacing": blur_over_spacing,
-            "smooth": settings.smooth is not None,
+            "blur_settings": BlurSettings(
+                problem.regularity, over_spacing=blur_over_spacing, smooth=settings.smooth is not None
+            ),
             "whole_charge": settings.whole_charge,
         }
         parts = [part for target in described["targets"] for part in (target, *target.more)]

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..field.field import FieldTarget
+from ..field.field_targets import FieldTarget
 from ..model.model import Model
 from .bodies import PartBodies
 from .demand import Demand

@@ -7,7 +7,7 @@ import pytest
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.field.direct_sum import direct_field
-from esh.engine.field.field import FieldTarget
+from esh.engine.field.field_targets import FieldTarget
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain

@@ -17,11 +17,13 @@ from esh.engine.field.blur import (
     LEAST_OF_SMALL,
     USUAL_REGULARITY,
     WIDEST,
+    BlurSettings,
     blur_over_spacing,
     core,
 )
 from esh.engine.field.direct_sum import direct_field
-from esh.engine.field.field import Field, FieldTarget
+from esh.engine.field.field import Field
+from esh.engine.field.field_targets import FieldTarget
 from esh.engine.space.space import Space
 
 SQUARE = (32.0, 32.0)
@@ -159,7 +161,7 @@ def test_charges_and_targets_are_blurred_as_wide_as_is_asked(launcher, variances
         False,
         1,
         np.ones((1, 1)),
-        blur_over_spacing=width,
+        blur_settings=BlurSettings(over_spacing=width),
     )
     assert np.sqrt(((fast - direct) ** 2).sum(axis=1).mean()) < 4e-3
 
@@ -201,7 +203,7 @@ def test_two_families_see_each_other_less_blurred(launcher, variances_of):
             targets=[FieldTarget(image, 1e-6)] * 2,
             charge_group=np.array([0, 1]),
             family=np.array(family),
-            sharper=4.0,
+            blur_settings=BlurSettings(sharper=4.0),
         )
         at = wp.array(position, dtype=wp.vec2, device=launcher.device)
         result = wp.zeros_like(at)

@@ -8,7 +8,7 @@ from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.field.blur import LEAST_OF_SMALL
 from esh.engine.field.direct_sum import direct_field
-from esh.engine.field.field import FieldTarget
+from esh.engine.field.field_targets import FieldTarget
 from esh.engine.field.mirrored_field import MirroredField, mirror
 from esh.engine.space.space import Space
 

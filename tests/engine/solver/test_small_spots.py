@@ -9,7 +9,8 @@ import warp as wp
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.edits.spread import Spreading
-from esh.engine.field.field import Field, FieldTarget
+from esh.engine.field.field import Field
+from esh.engine.field.field_targets import FieldTarget
 from esh.engine.model.memory import required_memory
 from esh.engine.problem.domain import Domain
 from esh.engine.quality.spacing import smallest_spacing
