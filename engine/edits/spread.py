@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import warp as wp
@@ -57,6 +58,10 @@ class Spreading:
         self._origin = (0.0, 0.0)
         if part is not None:
             self._origin, domain = part.origin(domain.size), Domain(part.extent(domain.size))
+        elif domain.natural:
+            # A descent holds what is near a natural border: few points, far from each other, would hardly move within a tenth of the
+            # domain, and who is pushed there would never come back. Mirrors are as neutral to what is even.
+            domain = replace(domain, boundary="mirror")
         self._asked = [i for i, count in enumerate(counts) if count > 0]
         self._descent: Descent | None = None
         if not self._asked:

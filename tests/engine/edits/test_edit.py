@@ -143,6 +143,26 @@ def test_a_stroke_that_keeps_the_count_is_followed_as_well(settled, factor, over
     assert (way[far(at)] < 0.1).mean() > 0.78
 
 
+@pytest.mark.parametrize("seed", [0, 3])
+def test_who_is_left_of_many_stays_near_a_natural_border(seed):
+    """Points for few survivors were held within a tenth of the domain from its border: some strayed there, to its other end."""
+    along = np.abs(X - 0.5 - 0.03 * (1 + seed) * np.sin(6 * Y))
+    stroke = along < np.quantile(along, 0.05)
+    count = 2500
+    before, after = np.ones((64, 64)), np.where(stroke, 0.2, 1.0)
+    domain = Domain((64.0, 64.0), "natural")
+
+    def problem_with(density, count):
+        return Problem(domain, [BodyClass("k", [Size("a", 0.2, count)], density)], seed=seed)
+
+    with Solver(problem_with(before, count), device="cpu") as solver:
+        solver.run(40)
+        there = solver.placement()
+        solver.edit(problem_with(after, round(count * after.mean())))
+        shift, _ = moved(there, solver.placement())
+    assert shift.max() < 3.0
+
+
 def test_nothing_changed_changes_nearly_nothing(settled):
     with solver_at(settled) as solver:
         before = solver.placement()
