@@ -27,6 +27,8 @@ __all__ = ["Spreading"]
 STEPS = 24
 # A coarse mesh will do for what attracts points.
 FEWEST_NODES = 2**14
+# Fewer than these are spread as if a natural border was a mirror. More would stand in a row along it.
+FEW = 100
 # Density over the largest that is there everywhere: points may leave where there is none, and nobody has to look for the way back.
 LEAST = 1e-7
 
@@ -58,11 +60,11 @@ class Spreading:
         self._origin = (0.0, 0.0)
         if part is not None:
             self._origin, domain = part.origin(domain.size), Domain(part.extent(domain.size))
-        elif domain.natural:
+        self._asked = [i for i, count in enumerate(counts) if count > 0]
+        if part is None and domain.natural and min((counts[i] for i in self._asked), default=FEW) < FEW:
             # A descent holds what is near a natural border: few points, far from each other, would hardly move within a tenth of the
             # domain, and who is pushed there would never come back. Mirrors are as neutral to what is even.
             domain = replace(domain, boundary="mirror")
-        self._asked = [i for i, count in enumerate(counts) if count > 0]
         self._descent: Descent | None = None
         if not self._asked:
             return
