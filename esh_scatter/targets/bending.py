@@ -24,7 +24,9 @@ def bends_alone_in_renders(target: bpy.types.Object, render: bpy.types.RenderSet
         return False
     found = levels(target, render)
     apart = [one for one in found if one[0] != one[1]]
+    if not apart:
+        return False
     bends = target.data.shape_keys is not None or any(m.show_render and m.type not in _STIFF for m in target.modifiers)
     # Only the last one that divides may do so to another level than then.
     known = placed_at is not None and apart == found[-1:] and placed_at <= found[-1][1] <= placed_at + FURTHER
-    return bends and bool(apart) and not known
+    return bends and not known

@@ -682,6 +682,8 @@ def test_it_is_not_said_of_a_target_that_objects_follow_in_renders_too():
     assert told() and bpy.ops.esh.scatter() == {"FINISHED"} and told(), "both levels differ"
     divided.levels = divided.render_levels = 1
     assert bpy.ops.esh.scatter() == {"FINISHED"} and not told() and second.levels < second.render_levels
+    ground.modifiers.clear()
+    assert not told(), "what divided it was removed, or applied"
 
 
 def test_of_a_copy_of_a_result_it_is_said_whose_it_is_and_it_can_be_moved():
