@@ -84,7 +84,10 @@ def evenness(report: dict[str, Any]) -> str:
     """
     if placed(report) < FEWEST:
         return ""
-    meant = report.get(CLUMPED, False) or not {NoteKind.ERROR_OF_FEW, NoteKind.AROUND_LARGER}.isdisjoint(_kinds(report))
+    if NoteKind.AROUND_LARGER in _kinds(report):
+        # Then all of them together may be even, which says nothing of the small ones.
+        return ""
+    meant = report.get(CLUMPED, False) or NoteKind.ERROR_OF_FEW in _kinds(report)
     word = evenness_word(unevenness(report))
     if word == "uneven" and meant:
         return ""

@@ -231,6 +231,37 @@ def test_cover_most_mixing_and_seed_can_be_tuned(ground, objects):
     assert (scatter.seed, scatter.class_separation) == (5, pytest.approx(0.9))
 
 
+def test_classes_mix_the_less_the_more_their_objects_differ(ground, objects):
+    """Pebbles among trees stood in rows between these, with all ground beside them empty, and the status said "even"."""
+    tree, _, pebble, _ = objects
+    select(tree, pebble, ground, active=ground)
+    assert bpy.ops.esh.scatter_selection(boundary="OPEN") == {"FINISHED"}
+    scatter = bpy.context.scene.esh_scatter.active
+    assert scatter.class_separation == pytest.approx(selection.pleasant_mix([1.0, 0.01]), abs=1e-6)
+    # Of independent random points the mean is half of this unit, of a hexagonal lattice 1.07.
+    apart = nearest_in_class(scatter, pebble.name)
+    assert apart.mean() > 0.8 and np.percentile(apart, 5) > 0.55
+    assert scatter.report["overlaps"] == 0
+    select(tree, ground, active=ground)
+    bpy.ops.esh.scatter_remove()
+    assert bpy.ops.esh.scatter_selection() == {"FINISHED"}
+    scatter = bpy.context.scene.esh_scatter.active
+    assert scatter.class_separation == 0.5, "the one before is not kept for others"
+
+
+def nearest_in_class(scatter, name):
+    """How far each object of a class is from the nearest other one, in units of the root of the ground that each has."""
+    mesh = scatter.result.data
+    place, of_class = np.empty(3 * len(mesh.vertices), np.float32), np.empty(len(mesh.vertices), np.int32)
+    mesh.attributes["position"].data.foreach_get("vector", place)
+    mesh.attributes["class_index"].data.foreach_get("value", of_class)
+    number = [one.name for one in scatter.ready_classes()].index(name)
+    own = place.reshape(-1, 3)[of_class == number, :2]
+    away = np.linalg.norm(own[:, None] - own, axis=2)
+    np.fill_diagonal(away, np.inf)
+    return away.min(axis=1) / np.sqrt(scatter.target.data.polygons[0].area / len(own))
+
+
 def test_that_most_has_held_the_number_is_told(ground, objects, capfd):
     select(*objects, ground, active=ground)
     bpy.ops.esh.scatter_selection(most=60)
