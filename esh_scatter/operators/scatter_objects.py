@@ -21,7 +21,8 @@ from ..properties.described import identifier_of, property_of, value_of
 from ..properties.scatter import ESH_PG_scatter
 from ..result import words
 from ..result.scene_units import sentence
-from ..targets.target import members_of
+from ..targets.shown_instances import instead_of_instance
+from ..targets.target import members_of, shown_collection
 from .edit import BOUNDARY, REGULARITY, remove_at, settings_editable, stood_on, warn_of_unplaced
 from .run_operator import RunOperator
 
@@ -173,7 +174,11 @@ class ESH_OT_scatter_selection(ScatterObjects):
     def _lacks(cls, context: bpy.types.Context) -> str | None:
         from ..editing.families import CONVERTED
 
-        if stood_on(context.view_layer.objects.active) is None:
+        active = context.view_layer.objects.active
+        if stood_on(active) is None:
+            # Of several that are selected it is meant to be the ground.
+            if active is not None and shown_collection(active) is not None and len(context.selected_objects) > 1:
+                return instead_of_instance(active)
             return "Select the objects to place, then the ground, which must be a mesh"
         if _selected_sources(context):
             return None

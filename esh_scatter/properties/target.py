@@ -7,6 +7,7 @@ import bpy
 from bpy.props import EnumProperty, PointerProperty
 
 from ..targets.in_scenes import is_in, is_in_layer
+from ..targets.shown_instances import instead_of_instance, shown_by
 from .gone import not_found
 
 __all__ = ["WithTarget"]
@@ -93,6 +94,8 @@ class WithTarget:
         if self.target.type != "MESH":
             return f'"{self.target.name}" is not a mesh; choose a mesh as the target'
         if not is_in(scene, self.target):
+            if shown := shown_by(self.target, scene):
+                return instead_of_instance(shown)
             return f'"{self.target.name}" is no longer in this scene; choose another target'
         return self._hidden_obstacle(scene) or self._faces_obstacle()
 

@@ -436,6 +436,25 @@ def test_the_button_says_what_to_select(ground, objects, what, said):
         bpy.ops.esh.scatter_selection()
 
 
+def test_of_ground_that_an_empty_only_shows_it_is_said_how_it_becomes_ground(ground, objects):
+    """A terrain of a library is linked as an instance; its mesh was called deleted."""
+    terrain, empty = bpy.data.collections.new("Terrain"), bpy.data.objects.new("Land", None)
+    terrain.objects.link(ground)
+    bpy.context.scene.collection.objects.unlink(ground)
+    bpy.context.scene.collection.objects.link(empty)
+    empty.instance_type, empty.instance_collection = "COLLECTION", terrain
+    select(objects[0], empty, active=empty)
+    said = '"Land" only shows its objects: Object > Apply > Make Instances Real, and select the ground among them'
+    with pytest.raises(RuntimeError, match=said):
+        bpy.ops.esh.scatter_selection()
+    bpy.ops.esh.scatter_add()
+    scatter = bpy.context.scene.esh_scatter.active
+    scatter.target = ground
+    assert scatter.obstacle(bpy.context.scene) == said
+    bpy.data.objects.remove(empty)
+    assert "no longer in this scene" in scatter.obstacle(bpy.context.scene)
+
+
 def test_what_takes_no_ground_is_left_out_and_nothing_else_changes_nothing(ground, objects, capfd):
     edge = bpy.data.objects.new("Edge", bpy.data.curves.new("Edge", "CURVE"))
     bpy.context.scene.collection.objects.link(edge)
