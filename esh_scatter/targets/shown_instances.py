@@ -1,4 +1,4 @@
-"""Ground that an empty shows: it belongs to a collection, often of another file, and nothing can stand on it while only that is there."""
+"""Ground that an empty shows: it belongs to a collection, often of another file, and nothing can stand on that."""
 
 from __future__ import annotations
 
