@@ -49,7 +49,8 @@ class Measured(NamedTuple):
         area: Ground that one covers [m²].
         taken: Ground that others are kept off [m²]: with the inside of a ring, and what lies between letters.
         upright: Whether it is taller than it is wide, as a tree is and a plank is not.
-        stand_on: What of it touches the ground: its lowest point where its origin is in the middle of it, or else the origin.
+        stand_on: What of it touches the ground: its lowest point where its origin is in the middle of it, or beside and below it; or else
+            the origin.
         lift: How far it is to lie above the ground, because it has no thickness [m].
     """
 
@@ -91,7 +92,7 @@ def _measured(item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh,
     stands = is_upright(mesh, outline)
     taken = outline.area if outline.is_around else Footprint.polygon(outline.corners).area
     lift = 0.0 if stands else lift_for(float(np.ptp(mesh.position[:, :2], axis=0).max()), height)
-    return Measured(item, outline.area, taken, stands, _stand_on(item, mesh), lift)
+    return Measured(item, outline.area, taken, stands, _stand_on(item, mesh, outline), lift)
 
 
 class SelectionSurvey:
@@ -211,10 +212,12 @@ def _read(
     return Reference(item, "object to place"), mesh
 
 
-def _stand_on(item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh) -> str:
+def _stand_on(item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh, outline: Outline) -> str:
     """Return what of an object touches the ground, as a class has it: what is not far below the origin is meant to be in it."""
-    heights = own_heights(item) or (float(mesh.position[:, 2].min()), float(mesh.position[:, 2].max()))
-    return "LOWEST" if is_sunk(*heights) else "ORIGIN"
+    low, high = own_heights(item) or (float(mesh.position[:, 2].min()), float(mesh.position[:, 2].max()))
+    # What lies beside its origin and above it, as where its location was applied, has no foot there.
+    is_apart = low > 0.0 and math.hypot(*outline.center) > outline.length
+    return "LOWEST" if is_apart or is_sunk(low, high) else "ORIGIN"
 
 
 def pleasant_counts(areas: Sequence[float], ground: float, cover: float, most: int) -> list[int]:

@@ -74,7 +74,9 @@ _SENTENCES = {
     Reason.OBSTACLES_TOO_NEAR: (
         "{who}: obstacles leave no place that is {given} away from them: remove some, or lower their Margin, or the objects' Scale"
     ),
-    Reason.ALL_FIXED: "All objects are pinned: unpin some, or raise a count",
+    Reason.ALL_FIXED: (
+        "All objects are pinned or were moved, as by Set Origin or Apply: Select Pinned, then Unpin (Instances), or raise a count"
+    ),
     Reason.FEWER_THAN_FIXED: "{who}: {limit_number} of its objects are pinned, more than its count of {given_number}: raise it",
     Reason.FIXED_OFF_SURFACE: "A pinned object is more than {limit} away from the target: move it back, or unpin it",
     Reason.MIXED_TOO_MUCH: (

@@ -210,6 +210,20 @@ def test_collections_that_are_placed_as_one_are_looked_into_for_what_is_half_sun
     assert heights_above(scatter.target, body_class.name) == pytest.approx(1.0, abs=1e-5)
 
 
+def test_an_object_far_from_its_origin_is_not_left_in_the_air(ground):
+    """Its location was applied while it stood on a shelf, and there it floated, five times as high as it is."""
+    crate, crown = box("Crate", 1.0, 1.0, 1.0), box("Crown", 1.0, 1.0, 1.0)
+    crate.data.transform(Matrix.Translation((30.0, 7.0, 5.0)))
+    crown.data.transform(Matrix.Translation((-0.5, -0.5, 5.0)))
+    bpy.context.view_layer.update()
+    select(crate, crown, ground, active=ground)
+    assert bpy.ops.esh.scatter_selection(cover=0.05, most=20) == {"FINISHED"}
+    scatter = bpy.context.scene.esh_scatter.active
+    stand_on = {one.name: one.stand_on for one in scatter.classes}
+    assert stand_on == {"Crate": "LOWEST", "Crown": "ORIGIN"}, "what is above its origin is meant to be there"
+    assert heights_above(ground, "Crate") == pytest.approx(-5.0, abs=1e-5)
+
+
 def test_a_tree_whose_trunk_stands_on_its_origin_is_not_sunk_though_leaves_hang_below(ground):
     trunk, leaves = box("Trunk", 0.3, 0.3, 2.0), box("Leaves", 1.0, 1.0, 4.0)
     leaves.parent, leaves.location.z = trunk, -2.0
