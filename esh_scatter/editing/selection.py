@@ -49,8 +49,8 @@ class Measured(NamedTuple):
         area: Ground that one covers [m²].
         taken: Ground that others are kept off [m²]: with the inside of a ring, and what lies between letters.
         upright: Whether it is taller than it is wide, as a tree is and a plank is not.
-        stand_on: What of it touches the ground: its lowest point where its origin is in the middle of it, or beside and below it; or else
-            the origin.
+        stand_on: What of it touches the ground: its lowest point where its origin is in the middle of it, or beside and below it;
+            or else the origin.
         lift: How far it is to lie above the ground, because it has no thickness [m].
     """
 
