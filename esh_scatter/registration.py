@@ -13,7 +13,7 @@ from .properties import body_class, layer, obstacle, placed, scatter, scene, siz
 from .properties.held_in_steps import hold_in_steps
 from .properties.in_english import keep_in_english
 from .sidebar import asset_shelf, density_preview, export_notes, followed_names, lists, menus, panels
-from .solving import live, loading, running
+from .solving import counted_again, live, loading, running
 
 __all__ = ["register", "unregister"]
 
@@ -66,6 +66,7 @@ def unregister() -> None:
     running.end(wait=True)
     loading.end()
     forecast.detach()
+    counted_again.detach()
     followed_names.detach()
     lent_survey.detach()
     keys.detach()

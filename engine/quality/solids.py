@@ -7,7 +7,7 @@ Gilbert, Johnson and Keerthi (1988) do, for many pairs at once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,7 +87,11 @@ class Solids:
 
 
 def meeting_pairs(
-    solids: Solids, wanted: np.ndarray, apart: np.ndarray | None = None, kind: np.ndarray | None = None
+    solids: Solids,
+    wanted: np.ndarray,
+    apart: np.ndarray | None = None,
+    kind: np.ndarray | None = None,
+    ask: Callable[[], None] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the pairs of bodies that meet and of which at least one is wanted, as two lists of numbers, in order.
 
@@ -96,6 +100,7 @@ def meeting_pairs(
         wanted: Which are, shape ``[n]``, bool.
         apart: Which kinds of bodies may not meet each other, shape ``[kinds, kinds]``, bool; others are not looked at. None for all.
         kind: Of every body, shape ``[n]``.
+        ask: Called now and then; what it raises ends the search.
     """
     middle, half = solids.boxes()
     unit = solids.axes / np.linalg.norm(solids.axes, axis=1)[:, None, :]
@@ -110,6 +115,8 @@ def meeting_pairs(
         near = ((middle[first] - middle[second]) ** 2).sum(axis=1) < (radius[first] + radius[second]) ** 2
         first, second = first[near], second[near]
         for start in range(0, len(first), AT_ONCE):
+            if ask is not None:
+                ask()
             pair = first[start : start + AT_ONCE], second[start : start + AT_ONCE]
             crossing = _boxes_meet(middle, half, unit, *pair)
             pair = pair[0][crossing], pair[1][crossing]

@@ -3,14 +3,17 @@
 # Blender shows an operator's docstring as its tooltip and ends it with a period of its own.
 # ruff: noqa: D415
 
+from typing import Any
+
 import bpy
+import numpy as np
 from mathutils import Matrix, Vector
 
 from ..editing import forecast
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import words
-from ..result.attributes import OVERLAPPING
+from ..result.attributes import OVERLAPPING, OVERLAPPING_ON_GROUND
 from ..result.display import matrix_of_points
 from ..targets.mesh_attributes import read_attribute
 from .edit import Edit, select_points, settings_editable
@@ -19,6 +22,8 @@ __all__ = ["CLASSES"]
 
 # How far the view goes from the worst place, in lengths of the usual distance between neighbors, or of the depth where that is more.
 DISTANCE_OF_VIEW = 8.0
+# Said where there is nothing to show.
+NONE = "No two objects overlap"
 
 
 class ESH_OT_counts_to_fit(Edit):
@@ -60,12 +65,17 @@ class ESH_OT_select_overlapping(_OfResult):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Select them."""
-        result = selected_scatter(context).result_in(context.scene)
+        scatter = selected_scatter(context)
+        result = scatter.result_in(context.scene)
         assert result is not None
         if result.mode == "EDIT":
             # There its attributes cannot be read.
             bpy.ops.object.mode_set(mode="OBJECT")
-        chosen = read_attribute(result.data, OVERLAPPING)
+        report = scatter.report_as_it_stands(wait=True)
+        assert report is not None
+        if words.worst(report) is None:
+            return _say_none(self)
+        chosen = _overlapping(scatter, result.data, report)
         answer = select_points(self, context, chosen)
         if answer == {"FINISHED"}:
             self.report({"INFO"}, f"{int(chosen.sum()):,} overlapping objects are selected")
@@ -81,9 +91,11 @@ class ESH_OT_frame_overlap(_OfResult):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Go there."""
         scatter = selected_scatter(context)
-        result, report = scatter.result_in(context.scene), scatter.report_as_it_stands()
-        worst = None if report is None else words.worst(report)
-        assert result is not None and report is not None and worst is not None
+        result, report = scatter.result_in(context.scene), scatter.report_as_it_stands(wait=True)
+        assert result is not None and report is not None
+        worst = words.worst(report)
+        if worst is None:
+            return _say_none(self)
         deepest = worst[1]
         matrix = Matrix(matrix_of_points(result).tolist())
         pair = [matrix @ result.data.vertices[index].co for index in worst[0]]
@@ -98,21 +110,45 @@ class ESH_OT_frame_overlap(_OfResult):
         return {"FINISHED"}
 
 
+def _say_none(operator: bpy.types.Operator) -> set[str]:
+    operator.report({"INFO"}, NONE)
+    return {"CANCELLED"}
+
+
+def _overlapping(scatter: ESH_PG_scatter, mesh: bpy.types.Mesh, report: dict[str, Any]) -> np.ndarray:
+    """Tell of every point whether its object overlaps another or leans into it as they stand by now, shape ``[n]``.
+
+    Args:
+        scatter: Whose result it is.
+        mesh: Of that.
+        report: As it stands.
+    """
+    marked, of_run = OVERLAPPING, scatter.report or {}
+    if report.get(words.COUNTED_AGAIN, False) and of_run.get("leaning"):
+        # What leaned after the run says nothing any more.
+        marked = OVERLAPPING_ON_GROUND
+    chosen = read_attribute(mesh, marked) if marked in mesh.attributes else np.zeros(len(mesh.vertices), bool)
+    chosen[list(report.get("leaning_bodies", ()))] = True
+    return chosen
+
+
 def _obstacle(scatter: ESH_PG_scatter, context: bpy.types.Context) -> str | None:
-    """Return why the overlaps of the last run cannot be shown, or None."""
+    """Return why the overlaps of the last run cannot be shown, or None; what is being counted may turn out to be none."""
     result, report = scatter.result_in(context.scene), scatter.report_as_it_stands()
     if result is None or report is None or result.type != "MESH":
         return "Scatter first"
     worst = words.worst(report)
+    if not result.visible_get() and (worst is not None or report.get(words.COUNTING, False)):
+        return "The result is hidden. Show it first"
     if worst is None:
-        changed = report.get(words.LEANING_CHANGED, False)
-        return "Objects lean otherwise by now. Scatter again" if changed else "No two objects overlap"
-    if OVERLAPPING not in result.data.attributes and result.mode != "EDIT":
+        if report.get(words.COUNTING, False):
+            return None
+        return "Objects lean otherwise by now. Scatter again" if report.get(words.LEANING_CHANGED, False) else NONE
+    known = OVERLAPPING in result.data.attributes or report.get(words.COUNTED_AGAIN, False)
+    if not known and result.mode != "EDIT":
         return "The result does not say which objects overlap. Scatter again"
     if max(worst[0]) >= len(result.data.vertices):
         return "Points were removed by hand. Scatter again"
-    if not result.visible_get():
-        return "The result is hidden. Show it first"
     return None
 
 

@@ -141,19 +141,27 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         """The last run's report, as :meth:`~esh.engine.problem.report.Report.to_dict` gives it, or None before the first."""
         return _parse_report(self.report_json)
 
-    def report_as_it_stands(self) -> dict | None:
-        """Return :attr:`report`, which then says whether objects stand otherwise by now than when those that lean were counted."""
-        from ..result.display import get_inputs, our_modifier
-        from ..result.kept_ground import LEANING_OF
+    def report_as_it_stands(self, *, wait: bool = False) -> dict | None:
+        """Return :attr:`report`, which then says which objects lean into each other as they stand by now.
+
+        They may stand otherwise than when the run counted. Then that is counted again: at once where somebody has to ``wait`` for it,
+        and without a window; otherwise it is said that it will be.
+        """
+        from ..result.leaning_now import LEANING_OF, factor_shown
+        from ..solving import counted_again
 
         report, result = self.report, self.result_in(self.id_data)
-        if report is None or report.get("leaning") is None or result is None:
+        number = "" if report is None or result is None else counted_again.number_of(result, exactly=wait)
+        if report is None or result is None or not number or result.data.get(LEANING_OF) == number:
+            if result is not None:
+                counted_again.needless(result)
             return report
-        known = result.data.get(LEANING_OF, "") if isinstance(result.data, bpy.types.Mesh) else ""
-        now = checksums.of_standing(result) if known else 0
-        modifier = our_modifier(result)
-        scaled = modifier is not None and get_inputs(modifier).get("Scale", 1.0) != 1.0
-        return {**report, words.LEANING_CHANGED: scaled or (bool(now) and known != str(now))}
+        told = bool(report["overlaps"] or report.get("fixed_overlaps", 0))
+        found = counted_again.counted(self, result, number, told=told, wait=wait)
+        if found is None or not found.known:
+            return {**report, words.LEANING_CHANGED: True, words.COUNTING: found is None}
+        leaning = words.NOTHING_LEANS if found.leaning is None else found.leaning.as_reported()
+        return {**report, **leaning, words.COUNTED_AGAIN: True, words.SHOWN_SCALE: factor_shown(result)}
 
     @property
     def outdated(self) -> bool:

@@ -28,9 +28,11 @@ def stand_class_anew(body_class: PropertyGroup, _context: object) -> None:
     Of a class that is new since the last run, there is nothing to change.
     """
     from ..result.kept_ground import can_stand_anew, stand_anew
+    from ..solving import counted_again
 
     found = _points_of_class(body_class)
     if found and can_stand_anew(found[0]):
+        counted_again.changes()
         stand_anew(*found, body_class.standing(), body_class.look_at())
         scatter_of(body_class).remember_look(body_class)
     elif not body_class.mute and scatter_of(body_class).ran_with_class(body_class):
@@ -100,7 +102,8 @@ def _number_of(item: PropertyGroup) -> int:
 
 
 def _go_on(body_class: PropertyGroup) -> None:
-    """Have Live go on from what the result shows now."""
-    from ..solving import live
+    """Have Live go on from what the result shows now, and what leans counted again once that was all."""
+    from ..solving import counted_again, live
 
+    counted_again.changes()
     live.reset(body_class.id_data, scatter_of(body_class))

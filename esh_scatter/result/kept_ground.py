@@ -41,7 +41,6 @@ from .display import matrix_of_points, shown_objects
 
 __all__ = [
     "CLASSES_OF_POINTS",
-    "LEANING_OF",
     "LOWEST_POINTS",
     "ON_WHOLE",
     "SEED",
@@ -66,8 +65,6 @@ LOWEST_POINTS = "esh_scatter_lowest"
 UNREAD_STANDING = "esh_scatter_unread_standing"
 # And whether it stands on the whole surface, and not on what is seen from above.
 ON_WHOLE = "esh_scatter_on_whole"
-# And how its objects stood when those were counted that lean into each other.
-LEANING_OF = "esh_scatter_leaning_of"
 
 
 def ground_attributes(ground: Ground, to_origin: np.ndarray, height: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:

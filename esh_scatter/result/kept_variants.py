@@ -16,7 +16,7 @@ from ..classes.sources import SizeShape, SourceReader, lowest_points, measure_si
 from ..classes.survey import Survey
 from ..targets.mesh_attributes import read_attribute, write_attribute
 from .attributes import INSTANCE_INDEX, PINNED
-from .kept_ground import LEANING_OF, LOWEST_POINTS, SEED
+from .kept_ground import LOWEST_POINTS, SEED
 from .node_group_contents import PLACE_FAMILY, kind_of, placing_inputs
 
 __all__ = ["VARIANTS", "choose_anew", "lowest_told", "place_others", "variants_told"]
@@ -165,7 +165,4 @@ def place_others(
             lowest[number] = value
     if lowest:
         result.data[LOWEST_POINTS] = lowest
-    if LEANING_OF in result.data:
-        # These may lean into each other where those before did not: nothing stands as it did when they were counted.
-        result.data[LEANING_OF] = "others"
     return True

@@ -11,7 +11,7 @@ from ..classes.node_tree import remove_group
 from ..targets.in_scenes import in_several_scenes
 from ..targets.mesh_attributes import write_attribute
 from ..targets.target import RESULT_TAG, RESULT_TARGET, is_result
-from .attributes import HIDE_RENDER, HIDE_VIEWPORT
+from .attributes import HIDE_RENDER, HIDE_VIEWPORT, OVERLAPPING, OVERLAPPING_ON_GROUND
 from .display import follow, get_inputs, our_modifier, set_inputs
 from .kept_ground import CLASSES_OF_POINTS
 from .local_views import join_local_views
@@ -23,6 +23,7 @@ __all__ = [
     "NAME",
     "find_result",
     "is_copy",
+    "mark_points",
     "names_on",
     "remove_result",
     "rename_result",
@@ -34,6 +35,8 @@ __all__ = [
 NAME = "esh_scatter_name"
 # And what its indices count: names of classes, and for each the names of its sizes, as JSON.
 CLASS_NAMES = "esh_scatter_classes"
+# What only points have of which some overlap.
+_MARKS = (OVERLAPPING, OVERLAPPING_ON_GROUND)
 
 
 def find_result(
@@ -166,8 +169,9 @@ def _shows(item: bpy.types.Object, name: str, sources: Sequence[bpy.types.Object
 
 
 def _move_points(mesh: bpy.types.Mesh, position: np.ndarray, attributes: Mapping[str, tuple[str, np.ndarray]]) -> bool:
-    """Give a mesh of as many points other places and values; tell whether it has just these attributes."""
-    kept = {"position": "FLOAT_VECTOR", HIDE_VIEWPORT: "BOOLEAN", HIDE_RENDER: "BOOLEAN"}
+    """Give a mesh of as many points other places and values; tell whether it has just these attributes, but for marks."""
+    rare = dict.fromkeys((HIDE_VIEWPORT, HIDE_RENDER, *_MARKS), "BOOLEAN")
+    kept = {"position": "FLOAT_VECTOR", **rare}
     there = {a.name: a.data_type for a in mesh.attributes if not a.name.startswith(".")}
     wanted = {name: kind for name, (kind, _) in attributes.items()}
     if len(mesh.vertices) != len(position) or mesh.users != 1 or {**kept, **wanted} != {**kept, **there}:
@@ -175,9 +179,21 @@ def _move_points(mesh: bpy.types.Mesh, position: np.ndarray, attributes: Mapping
     if HIDE_VIEWPORT in there or HIDE_RENDER in there:
         # Points have other classes now.
         return False
+    mark_points(mesh, attributes)
     _write_points(mesh, position, attributes)
     mesh.update()
     return True
+
+
+def mark_points(mesh: bpy.types.Mesh, attributes: Mapping[str, tuple[str, np.ndarray]]) -> None:
+    """Give points the marks of what overlaps that are among some attributes, and no others."""
+    for name in _MARKS:
+        if name not in attributes and name in mesh.attributes:
+            mesh.attributes.remove(mesh.attributes[name])
+        elif name in attributes:
+            if name not in mesh.attributes:
+                mesh.attributes.new(name, "BOOLEAN", "POINT")
+            write_attribute(mesh, name, attributes[name][1])
 
 
 def _is_ours(group: bpy.types.NodeTree | None) -> bool:

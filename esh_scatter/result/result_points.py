@@ -23,7 +23,7 @@ from ..classes.sources import SizeShape, lowest_points, standing_on, variants_of
 from ..classes.standing import Ground, Stand, draw, stand, turns_towards
 from ..targets.subdivision import Subdivision
 from ..targets.targets import stuck_attributes
-from .attributes import BODY_ANGLE, BODY_LENGTH, INSTANCE_INDEX, OVERLAPPING, ROTATION, SCALE
+from .attributes import BODY_ANGLE, BODY_LENGTH, INSTANCE_INDEX, OVERLAPPING, OVERLAPPING_ON_GROUND, ROTATION, SCALE
 from .following import finer_attributes, follow_attributes
 from .kept_ground import ground_attributes
 from .pins import add_pins
@@ -259,10 +259,15 @@ def _headings(surface: SurfacePoints, placement: Placement) -> np.ndarray:
 
 
 def overlap_attributes(placement: Placement) -> dict[str, tuple[str, np.ndarray]]:
-    """Return the attribute that says of every point whether its object overlaps another or leans into it; none where no two do."""
+    """Return the attributes that say of every point whether its object overlaps another or leans into it; none where no two do."""
     report = placement.report
     if report is None or not (report.overlapping or report.leaning_bodies):
         return {}
-    overlaps = np.zeros(len(placement.position), bool)
-    overlaps[[*report.overlapping, *report.leaning_bodies]] = True
-    return {OVERLAPPING: ("BOOLEAN", overlaps)}
+    on_ground = np.zeros(len(placement.position), bool)
+    on_ground[list(report.overlapping)] = True
+    overlaps = on_ground.copy()
+    overlaps[list(report.leaning_bodies)] = True
+    marks = {OVERLAPPING: ("BOOLEAN", overlaps)}
+    if report.overlapping and report.leaning_bodies:
+        marks[OVERLAPPING_ON_GROUND] = ("BOOLEAN", on_ground)
+    return marks

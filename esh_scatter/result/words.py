@@ -12,10 +12,14 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CLUMPED",
+    "COUNTED_AGAIN",
+    "COUNTING",
     "HELD",
     "LEANING_CHANGED",
     "MAY_OVERLAP",
     "NOTE_KINDS",
+    "NOTHING_LEANS",
+    "SHOWN_SCALE",
     "UNBROKEN",
     "behind_rule",
     "beside_others",
@@ -28,6 +32,7 @@ __all__ = [
     "kept",
     "leaning",
     "leans",
+    "leans_by_now",
     "meters",
     "notes",
     "overlaps",
@@ -54,6 +59,12 @@ NOTE_KINDS = "note_kinds"
 HELD = "held"
 # And whether objects stand otherwise than when it was counted how many lean into each other.
 LEANING_CHANGED = "leaning_changed"
+# Of these, whether they are being counted again; otherwise nobody can.
+COUNTING = "leaning_counting"
+# Or whether it is told how many lean as they stand by now, and how much larger they are shown than they were placed.
+COUNTED_AGAIN, SHOWN_SCALE = "leaning_counted_again", "shown_scale"
+# What a report says where nothing leans.
+NOTHING_LEANS = {"leaning": None, "deepest_leaning": 0.0, "leaning_pair": None, "leaning_bodies": ()}
 # What a report says where nothing lies where it is not to lie.
 NO_OVERLAP = "no overlap"
 # A space at which no line is broken.
@@ -135,8 +146,13 @@ def _contacts(report: dict[str, Any]) -> list[str]:
     """Return what lies where it is not to lie, and what meets above the ground: "no overlap on the ground", "12 pairs lean …"."""
     found, lean = _troubles(report), _lean(report)
     if lean and found == [NO_OVERLAP]:
-        found = ["no overlap on the ground"]
+        # Of larger ones nobody has looked at the ground.
+        found = ["no overlap on the ground"] if _shown_scale(report) == 1.0 else []
     return [*found, *lean]
+
+
+def _shown_scale(report: dict[str, Any]) -> float:
+    return float(report.get(SHOWN_SCALE, 1.0))
 
 
 def _lean(report: dict[str, Any]) -> list[str]:
@@ -145,10 +161,18 @@ def _lean(report: dict[str, Any]) -> list[str]:
     if report.get(MAY_OVERLAP, False) or count is None:
         return []
     if report.get(LEANING_CHANGED, False):
-        return ["leaning not counted again"]
-    if count == 1:
-        return ["1 pair leans into each other"]
-    return [f"{count:,} pairs lean into each other"] if count else []
+        return ["counting what leans …" if report.get(COUNTING, False) else "leaning not counted again"]
+    if not count:
+        return []
+    what, s = ("1 pair", "s") if count == 1 else (f"{count:,} pairs", "")
+    if _shown_scale(report) != 1.0:
+        return [f"{what} meet{s} at Scale {_shown_scale(report):.3g}"]
+    return [f"{what} lean{s} into each other"]
+
+
+def leans_by_now(report: dict[str, Any]) -> str:
+    """Return how many pairs lean into each other as objects are shown since the run; empty where that is as it was, or none does."""
+    return "".join(_lean(report)) if report.get(COUNTED_AGAIN, False) else ""
 
 
 def leans(report: dict[str, Any]) -> bool:
@@ -230,7 +254,9 @@ def leaning(report: dict[str, Any]) -> str:
     count = report.get("leaning")
     if count is None:
         return ""
-    return "changed since" if report.get(LEANING_CHANGED, False) else _pairs(count)
+    if report.get(LEANING_CHANGED, False):
+        return "counting …" if report.get(COUNTING, False) else "changed since"
+    return _pairs(count)
 
 
 def _pairs(count: int) -> str:

@@ -43,7 +43,10 @@ def draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter:
             write_text(context, column, "Following …", icon="FILE_REFRESH")
         elif changes:
             more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
-            write_text(context, column, f"Changed: {', '.join(changes[:3])}{more}", icon="FILE_REFRESH")
+            # What is shown of that at once may lean into each other by now.
+            lean = words.leans_by_now(scatter.report_as_it_stands() or report).replace(" ", words.UNBROKEN)
+            text = f"Changed: {', '.join(changes[:3])}{more}{' · ' * bool(lean)}{lean}"
+            write_text(context, column, text, icon="FILE_REFRESH")
         else:
             report = scatter.report_as_it_stands() or report
             # One line, which the panel does not jump by when a run ends: the seconds are in the report, too.

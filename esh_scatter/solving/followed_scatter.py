@@ -370,6 +370,8 @@ class FollowedScatter:
                 return
             undo_steps.note(before, scatter, result, _scatter_of)
             self.seconds = time.perf_counter() - self._submitted_at
+        elif placement.report is not None and _points_of(result) == self._points:
+            job.keep_report(result, placement)
         report = placement.report.to_dict() if placement.report is not None else scatter.report
         if report is None:
             scatter.result = result

@@ -35,13 +35,14 @@ from ..classes.survey import Survey
 from ..densities.density_source import Known, attribute_names
 from ..densities.image_density import stored_density
 from ..result.following import followed
-from ..result.kept_ground import LEANING_OF, LOWEST_POINTS, ON_WHOLE, SEED, UNREAD_STANDING, KeptPlaces
+from ..result.kept_ground import LOWEST_POINTS, ON_WHOLE, SEED, UNREAD_STANDING, KeptPlaces
 from ..result.kept_variants import VARIANTS, lowest_told, variants_told
 from ..result.leaning import SizeHulls, with_leaning
+from ..result.leaning_now import COMPARED, LEANING_OF, compared_told, number_of_shown, number_told
 from ..result.pinned_bodies import Pins, lost_with_target, read_pins
-from ..result.result import CLASS_NAMES, find_result, write_result
+from ..result.result import CLASS_NAMES, find_result, mark_points, write_result
 from ..result.result_points import ResultPoints, overlap_attributes, point_attributes, result_points
-from ..targets.checksums import standing_number
+from ..targets import checksums
 from ..targets.references import Reference
 from ..targets.subdivision import read_subdivision
 from ..targets.target import RESULT_TARGET, check_exists, is_result, world_matrix
@@ -150,6 +151,9 @@ class ScatterJob:
         self._sources: list[Reference] = []
         self._shapes: list[SizeShape] = []
         self._hulls: list[SizeHulls | None] = []
+        # By class and size the room that objects have which are compared in space, None for others; and what all sources look like.
+        self._rooms: list[list[float | None]] = []
+        self._looks_of_sources: list[int] = []
         self._unread: list[int] = []
         self.survey = survey
         self._given_obstacles = obstacles
@@ -174,6 +178,9 @@ class ScatterJob:
         sources = [
             [reader.read(size, f'size "{size.name}" of class "{c.name}"') for size in c.sizes] for c in self.classes
         ]
+        if self.settings.avoid_overlap:
+            with checksums.now():
+                self._looks_of_sources = [number_of_shown(source.find()) for source in self._sources]
         densities = [stored_density(c.density, f'`density` of class "{c.name}"', known) for c in self.classes]
         names: set[str] = set().union(*(attribute_names(density) for density in densities))
         directions = [
@@ -228,7 +235,7 @@ class ScatterJob:
         self.chart = survey.begin(reading.target, self.settings)
         done = Preparation(reading, self.chart, self.classes, self.settings, survey)
         self.problem = done.problem
-        self._shapes, self._hulls, self._unread = done.shapes, done.hulls, done.unread
+        self._shapes, self._rooms, self._hulls, self._unread = done.shapes, done.rooms, done.hulls, done.unread
 
     @property
     def stands_on_whole(self) -> bool | None:
@@ -376,10 +383,25 @@ class ScatterJob:
     def _point_attributes(self, placement: Placement, points: ResultPoints) -> dict[str, tuple[str, np.ndarray]]:
         return point_attributes(placement, points, self.classes, self.settings, self._divided)
 
-    def _number_of_standing(self, points: ResultPoints) -> str:
-        """Return what tells whether objects still stand as these do; whole numbers of a file's properties have 32 bits with a sign."""
+    def keep_report(self, item: bpy.types.Object, placement: Placement) -> None:
+        """Have a result that shows a placement already say what the report says that has come since; nothing in Edit Mode."""
+        mesh = item.data
+        if not mesh.is_editmode:
+            mark_points(mesh, overlap_attributes(placement))
+            mesh.update()
+            self._keep_compared(mesh, placement, self._points_of_placement())
+
+    def _keep_compared(self, mesh: bpy.types.Mesh, placement: Placement, points: ResultPoints) -> None:
+        """Have a result keep which of its objects are compared in space, and how they stood then, if they have been."""
+        if not any(room is not None for of_class in self._rooms for room in of_class):
+            for name in (COMPARED, LEANING_OF):
+                mesh.pop(name, None)
+            return
+        mesh[COMPARED] = compared_told(self._rooms, placement.problem.balance.classes_apart)
         instances = points.instances
-        return str(standing_number(instances.position, instances.rotation, instances.scale, instances.source))
+        standing = checksums.standing_number(instances.position, instances.rotation, instances.scale, instances.source)
+        # What is shown before its report is measured has still that of before.
+        mesh[LEANING_OF] = "" if placement.report is None else number_told(standing, self._looks_of_sources)
 
     def _result_points(self, placement: Placement) -> ResultPoints:
         return result_points(placement, self.problem, self.chart, self.classes, self._shapes, self.settings)
@@ -422,8 +444,7 @@ class ScatterJob:
         scales = np.repeat(scales_of(self.classes, self.settings), [len(c.sizes) for c in self.classes]).tolist()
         item.data[LOWEST_POINTS] = lowest_told(self._shapes, scales)
         item.data[UNREAD_STANDING] = self._unread
-        if any(one is not None for one in self._hulls):
-            item.data[LEANING_OF] = self._number_of_standing(points)
+        self._keep_compared(item.data, self.placement, points)
         item.data[ON_WHOLE] = isinstance(self.chart, WholeSurface)
         return item, sources
 

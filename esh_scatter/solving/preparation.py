@@ -72,6 +72,7 @@ class Preparation:
     Attributes:
         problem: What the engine is to place.
         shapes: What the bodies of every size look like from above or along the surface: of all sizes, class by class.
+        rooms: By class and size the room that objects have which are compared in space, None for others.
         hulls: What the objects of every size are in space; None where that is not needed.
         unread: How much of how its objects stand has no influence on where they are, by class.
     """
@@ -104,6 +105,7 @@ class Preparation:
             values_of_classes.append(survey.density(scatter_class.name, reader, chart))
             shapes_of_classes.append(shapes)
         self.shapes = [shape for shapes in shapes_of_classes for shape in shapes]
+        self.rooms = self._rooms_of_sizes(shapes_of_classes)
         self.hulls = self._hulls_of_sizes(survey)
         self.unread = self._unread_standing(shapes_of_classes)
         obstacles: list[Obstacle] = []
@@ -124,23 +126,33 @@ class Preparation:
             include_fixed=True,
         )
 
+    def _rooms_of_sizes(self, shapes: Sequence[Sequence[SizeShape]]) -> list[list[float | None]]:
+        """Return by class and size the room that objects with outlines of their own have, where these keep apart; None for others."""
+        if not self._settings.avoid_overlap:
+            return []
+        return [
+            [
+                c.room if shape.own_outlines and len(_meshes_of(source)) == len(shape.objects) else None
+                for shape, source in zip(of_class, sources, strict=True)
+            ]
+            for c, of_class, sources in zip(self._classes, shapes, self._reading.sources, strict=True)
+        ]
+
     def _hulls_of_sizes(self, survey: Survey) -> list[SizeHulls | None]:
-        """Return what the objects of all sizes are in space: of those with outlines of their own, where anything may lean."""
-        chart, settings = self._chart, self._settings
-        found: list[SizeHulls | None] = []
-        standings = [standing_of(c, settings) for c in self._classes]
+        """Return what the objects of all sizes are in space: of those that are compared, where anything may lean."""
+        chart = self._chart
+        standings = [standing_of(c, self._settings) for c in self._classes]
         leans = isinstance(chart, WholeSurface) or any(
             one.tilt > 0.0 or chart.slope(one.align_to_normal) is not None for one in standings
         )
-        room = [c.room for c in self._classes for _ in c.sizes]
+        if not (leans and self.rooms):
+            return [None] * len(self.shapes)
+        rooms = [room for of_class in self.rooms for room in of_class]
         sources = [source for of_class in self._reading.sources for source in of_class]
-        for shape, source, factor in zip(self.shapes, sources, room, strict=True):
-            meshes = [mesh for mesh in source.meshes if isinstance(mesh, TriangleMesh)]
-            if leans and settings.avoid_overlap and shape.own_outlines and len(meshes) == len(shape.objects):
-                found.append(SizeHulls(shape.objects, tuple(survey.hull(mesh) for mesh in meshes), factor))
-            else:
-                found.append(None)
-        return found
+        return [
+            None if room is None else SizeHulls(shape.objects, tuple(map(survey.hull, _meshes_of(source))), room)
+            for shape, source, room in zip(self.shapes, sources, rooms, strict=True)
+        ]
 
     def _unread_standing(self, shapes: Sequence[Sequence[SizeShape]]) -> list[int]:
         if not self._settings.avoid_overlap:
@@ -202,3 +214,8 @@ def _direction_on(
         return direction
     vectors = survey.directions(direction, chart, key)
     return chart.vectors(vectors) if isinstance(chart, WholeSurface) else directions_from_above(chart, vectors)
+
+
+def _meshes_of(source: SizeSource) -> list[TriangleMesh]:
+    """Return the meshes of what a size places that could be read."""
+    return [mesh for mesh in source.meshes if isinstance(mesh, TriangleMesh)]
