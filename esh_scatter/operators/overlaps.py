@@ -143,7 +143,10 @@ def _obstacle(scatter: ESH_PG_scatter, context: bpy.types.Context) -> str | None
     if worst is None:
         if report.get(words.COUNTING, False):
             return None
-        return "Objects lean otherwise by now. Scatter again" if report.get(words.LEANING_CHANGED, False) else NONE
+        if report.get(words.LEANING_CHANGED, False):
+            edited = result.mode == "EDIT"
+            return f"Objects lean otherwise by now. {'Leave Edit Mode first' if edited else 'Scatter again'}"
+        return NONE
     known = OVERLAPPING in result.data.attributes or report.get(words.COUNTED_AGAIN, False)
     if not known and result.mode != "EDIT":
         return "The result does not say which objects overlap. Scatter again"

@@ -117,6 +117,9 @@ def counted(scatter: Scatter, result: bpy.types.Object, number: str, *, told: bo
     if key in _known:
         needless(result)
         return _known[key]
+    if result.data.is_editmode:
+        # There nothing can be read.
+        return Counted(None, known=False)
     if wait or bpy.app.background:
         return _count_now(key, result)
     if running.session is None and not live.is_busy(scatter.id_data, scatter):
@@ -162,10 +165,7 @@ def _count_now(key: _Key, result: bpy.types.Object) -> Counted:
         if _going.found is not None:
             return _keep(key, _going.found)
     read = read_leaning(result, bpy.context)
-    if read is None:
-        # In Edit Mode nothing can be read, which does not last.
-        return Counted(None, known=False)
-    return _keep(key, Counted(read.count(key.told)))
+    return _keep(key, Counted(None, known=False) if read is None else Counted(read.count(key.told)))
 
 
 def _keep(key: _Key, found: Counted) -> Counted:
@@ -192,8 +192,10 @@ def _look() -> float | None:
         _end_count()
     if not _asked:
         return None
-    if pause > 0.0 or strokes.is_under_way() or bpy.app.is_job_running("RENDER"):
-        return max(pause, LOOK)
+    if pause > 0.0:
+        return pause
+    if strokes.is_under_way() or bpy.app.is_job_running("RENDER"):
+        return PAUSE
     for asked in list(_asked.values()):
         if _begin(asked):
             return LOOK
@@ -220,6 +222,9 @@ def _begin(asked: _Asked) -> bool:
     window = next((one for one in bpy.context.window_manager.windows if one.scene == scene), None)
     if scene is None or result is None or (window is None and not bpy.app.background):
         return False
+    if any(live.is_busy(scene, scatter) for scatter in scene.esh_scatter.scatters if scatter.result == result):
+        # What Live shows, it counts; whoever draws that asks again.
+        return False
     with bpy.context.temp_override(**({"window": window} if window else {"scene": scene})):
         key = asked.key._replace(number=number_of(result, exactly=True))
         if not key.number or key in _known or result.data.get(LEANING_OF) == key.number:
@@ -228,6 +233,7 @@ def _begin(asked: _Asked) -> bool:
             return False
         read = read_leaning(result, bpy.context)
     if read is None:
+        # Too little is known of it, or it is being edited by now, which the next one to ask sees.
         return False
     _asked[key.uid] = asked._replace(key=key)
     _going = _Count(key, read)

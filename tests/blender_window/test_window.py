@@ -238,6 +238,20 @@ def test_an_artist_answers_questions_and_goes_back(package: Path, tmp_path: Path
     assert answer["lost"] == [[0, 1], everything - answer["begun"]["Log"], []] and answer["back"] == 0.0
 
 
+def test_what_leans_is_counted_again_once_tilt_is_let_go(package: Path, tmp_path: Path):
+    answer = driven("lean_driver", package, tmp_path)
+    assert answer["before"] == [0.0, [0, False]]
+    tilts = [tilt for tilt, _, _ in answer["during"]]
+    assert tilts == sorted(tilts) and tilts[-1] > 0.1
+    tilt, pairs, known = answer["dragged"]
+    # While the mouse rests for a moment, it may be counted once before.
+    assert tilt == tilts[-1] and pairs > 0 and known[0] <= 2 and not known[1], "nothing goes on"
+    assert answer["undone"] == [0.0, known] and answer["redone"] == [tilt, pairs, known], "nothing is counted anew"
+    changes, pairs, counts = answer["sunk"]
+    assert changes == [] and pairs > 0 and counts == 1
+    print(answer["during"], answer["longest_tick"])
+
+
 def test_an_artist_brings_assets_presets_and_scatters_along(package: Path, tmp_path: Path):
     answer = driven("bring_driver", package, tmp_path)
     begun = answer["begun"]

@@ -327,6 +327,24 @@ def test_buttons_do_not_wait_for_the_pause(window):
     assert bpy.ops.esh.select_overlapping() == {"CANCELLED"} and bpy.context.mode == "OBJECT"
 
 
+def test_in_edit_mode_it_is_told_what_was_known_before(window):
+    tilt(window.scatter)
+    told(window.scatter)
+    bpy.context.view_layer.objects.active = window.scatter.result
+    bpy.ops.object.mode_set(mode="EDIT")
+    report = told(window.scatter)
+    assert words.leaning(report) == "changed since" and not bpy.ops.esh.select_overlapping.poll()
+    turn_timer()
+    assert counted_again._look() is None and not counted_again._known
+    bpy.ops.object.mode_set(mode="OBJECT")
+    told(window.scatter)
+    turn_timer()
+    count = told(window.scatter)["leaning"]
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert told(window.scatter)["leaning"] == count and bpy.ops.esh.frame_overlap() == {"FINISHED"}
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
 def test_live_tells_nothing_as_counted_before_it_has_measured(live_file, follow):
     target, item = ground(GROUNDS["flat"], size=10.0), tree()
     made = bpy.context.scene.esh_scatter.add_scatter(target)
