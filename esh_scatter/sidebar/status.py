@@ -43,9 +43,7 @@ def draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter:
             write_text(context, column, "Following …", icon="FILE_REFRESH")
         elif changes:
             more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
-            # What is shown of that at once may lean into each other by now.
-            lean = words.leans_by_now(scatter.report_as_it_stands() or report).replace(" ", words.UNBROKEN)
-            text = f"Changed: {', '.join(changes[:3])}{more}{' · ' * bool(lean)}{lean}"
+            text = _with_leaning(context, f"Changed: {', '.join(changes[:3])}{more}", scatter)
             write_text(context, column, text, icon="FILE_REFRESH")
         else:
             report = scatter.report_as_it_stands() or report
@@ -75,6 +73,16 @@ def draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter:
         write_text(context, column, f"{left_out[0]}{more}", icon="ERROR")
     if muted := scatter.muted():
         write_text(context, column, muted, icon="MUTE_IPO_ON")
+
+
+def _with_leaning(context: bpy.types.Context, text: str, scatter: ESH_PG_scatter) -> str:
+    """Add to a line how many lean into each other since something is shown otherwise, if it remains one.
+
+    That is counted a moment later, and nothing is to move away below the mouse then; the report says it in any case.
+    """
+    lean = words.leans_by_now(scatter.report_as_it_stands() or {})
+    longer = [f"{text} · {short}" for short in (lean, lean.partition(" into")[0]) if short]
+    return next((line for line in longer if fits_line(context, line)), text)
 
 
 def _edited(context: bpy.types.Context, scatter: ESH_PG_scatter) -> str:

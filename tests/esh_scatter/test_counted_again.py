@@ -21,6 +21,7 @@ from esh.esh_scatter.solving import counted_again, running  # noqa: E402
 
 with pytest.MonkeyPatch.context() as patch:
     patch.syspath_prepend(Path(__file__).parent)
+    from drawn_panels import draw_all
     from leaning_scene import GROUNDS, box, ground, meeting, placed_hulls, tree
 
 
@@ -121,6 +122,16 @@ def test_the_words_say_it_beside_what_has_changed(scatter):
     scatter.result.location.z = 4.0
     bpy.context.view_layer.update()
     assert told(scatter) == scatter.report
+
+
+def test_the_status_says_it_beside_a_change_where_the_line_has_room(scatter):
+    """Nothing moves away below the mouse when the count comes."""
+    tilt(scatter)
+    pairs = told(scatter)["leaning"]
+    changed = f"Changed: {', '.join(scatter.changes())}"
+    assert f"{changed} · {pairs} pairs lean into each other" in draw_all(800)
+    narrow = draw_all(230)
+    assert changed in narrow and not any("lean into" in line for line in narrow) and f"{pairs} pairs" in narrow
 
 
 @pytest.mark.usefixtures("empty_file")
