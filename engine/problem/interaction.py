@@ -123,7 +123,9 @@ def group_bodies(
     for c in range(len(problem.classes)):
         e[index == c] /= e[index == c].min()
     counts = counts or [c.body_count for c in problem.classes]
-    between = problem.balance.class_factors(counts)[np.ix_(index, index)]
+    # Of its largest size: how many there are of each, samples do not tell.
+    areas = [max(size.mean_area for size in c.sizes) for c in problem.classes]
+    between = problem.balance.class_factors(counts, areas)[np.ix_(index, index)]
     matrix = between * np.minimum(e[:, None], e[None, :])
     spans = [one for c in problem.classes for size in c.sizes for one in size.area_span]
     if len(e) > 1 and min(spans) * LEAST_SPAN <= max(spans):

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ..problem.balance import Balance
 from ..problem.note import Note, NoteKind
 from ..problem.placement import Placement
 
@@ -14,6 +15,8 @@ __all__ = ["notes_on_areas", "notes_on_errors", "notes_on_larger_classes"]
 
 # Coverage errors above which somebody asks why; and how many times more bodies there are than equal ones that would be as coarse.
 UNEVEN, MOST_OF_FEW = 0.15, 4.0
+# How much classes are mixed unless it is asked for.
+USUAL = Balance()
 # Share of a coverage error that is made by what is fixed, above which this explains it.
 MOSTLY = 0.5
 
@@ -34,8 +37,10 @@ def notes_on_errors(
         if errors[k] > UNEVEN and (part := excess(k)) > MOSTLY * errors[k]:
             left[k], made[k] = 0.0, part
     notes = notes_on_areas(area, placement.class_index, left)
-    if placement.problem.balance.class_separation > 0.0:
-        notes += notes_on_larger_classes(area, placement.class_index, left, [c.name for c in classes])
+    balance = placement.problem.balance
+    if balance.class_separation > 0.0 or placement.problem.avoid_overlap:
+        mixed = balance.class_separation > USUAL.class_separation or balance.rare_emphasis < USUAL.rare_emphasis
+        notes += notes_on_larger_classes(area, placement.class_index, left, [c.name for c in classes], mixed=mixed)
     if made:
         most = max(made, key=made.__getitem__)
         of_class = f' of class "{classes[most].name}"' if len(classes) > 1 else ""
@@ -66,17 +71,19 @@ def notes_on_areas(area: np.ndarray, class_index: np.ndarray, errors: Sequence[f
 
 
 def notes_on_larger_classes(
-    area: np.ndarray, class_index: np.ndarray, errors: Sequence[float], names: Sequence[str]
+    area: np.ndarray, class_index: np.ndarray, errors: Sequence[float], names: Sequence[str], *, mixed: bool
 ) -> list[str]:
-    """Say which classes leave room around much larger bodies of others, which counts as uneven, and what helps.
+    """Say which classes are kept off a part of the ground by much larger bodies of others, which counts as uneven.
 
-    All classes together are even where every body has ground in proportion to its area; so grass keeps clear of trees.
+    These cover it; and all classes together are even where every body has ground in proportion to its area, so the more classes are
+    mixed, the farther grass keeps from trees.
 
     Args:
         area: Footprints of the bodies [m²], shape ``[n]``.
         class_index: Their classes, shape ``[n]``.
         errors: Coverage errors of the classes.
         names: Of the classes.
+        mixed: Whether classes are mixed more than they are unless it is asked for, so that less of it helps.
     """
     if max(errors) <= UNEVEN:
         return []
@@ -90,7 +97,9 @@ def notes_on_larger_classes(
     if not found:
         return []
     said = ", ".join(f'"{name}"' for name in found[:3]) + (" and others" if len(found) > 3 else "")
-    text = f"much larger bodies of other classes keep {said} away, as `class_separation` asks; a lower one lets them closer"
+    text = f"much larger bodies of other classes keep {said} off part of the ground, which counts as uneven"
+    if mixed:
+        text += "; a lower `class_separation` lets them closer"
     return [Note(text, NoteKind.AROUND_LARGER)]
 
 

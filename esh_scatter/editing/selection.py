@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ..properties.body_class import ESH_PG_class
     from ..properties.scatter import ESH_PG_scatter
 
-__all__ = ["Measured", "SelectionSurvey", "add_classes", "measure", "pleasant_counts", "pleasant_mix"]
+__all__ = ["Measured", "SelectionSurvey", "add_classes", "measure", "pleasant_counts"]
 
 # Ground is scattered on from above if so much of what does not look down is seen there: of hills all is, however steep, of a ball
 # most, of a wall a twentieth. What looks down may be a terrain's bottom.
@@ -238,20 +238,6 @@ def pleasant_counts(areas: Sequence[float], ground: float, cover: float, most: i
     wanted = [factor / math.sqrt(area) for area in areas]
     factor = min(1.0, most / max(sum(wanted), 1e-30))
     return [max(1, round(number * factor)) for number in wanted]
-
-
-def pleasant_mix(areas: Sequence[float]) -> float:
-    """Return how far classes look good mixed: less, the more their objects differ.
-
-    Together they are even where ground is shared out by what each takes. Fence posts among boulders would stand in rows between
-    these then, all ground beside them left empty.
-
-    Args:
-        areas: Ground that one of each takes [m²].
-    """
-    # Large ones push small ones by what they take: so much less do they count, that both have the same say in where small ones are.
-    differ = max(areas) / min(areas) if areas else 1.0
-    return round(1.0 / (1.0 + differ), 3)
 
 
 def add_classes(scatter: ESH_PG_scatter, measured: Sequence[Measured], counts: Sequence[int]) -> list[ESH_PG_class]:

@@ -58,8 +58,7 @@ class ScatterObjects(RunOperator):
     )
     # Of this ground: the next one is another.
     surface: property_of(_SETTINGS["surface"], options={"SKIP_SAVE"})
-    # Of these objects: others differ otherwise.
-    class_separation: property_of(_SETTINGS["class_separation"], options={"SKIP_SAVE"})
+    class_separation: property_of(_SETTINGS["class_separation"])
     boundary: property_of(_SETTINGS["boundary"], default=BOUNDARY)
     regularity: property_of(_SETTINGS["regularity"], default=REGULARITY)
     seed: property_of(_SETTINGS["seed"], options={"SKIP_SAVE"})
@@ -125,13 +124,9 @@ class ScatterObjects(RunOperator):
             f'"{name}" is as large as the ground: to scatter on it as well, choose a collection of both as the target'
             for name in found.as_large(measured)
         )
-        from ..editing.selection import pleasant_mix
-
         scatter = context.scene.esh_scatter.add_scatter(stands_on)
         if not self.properties.is_property_set("seed"):
             self.seed = scatter.seed
-        if not self.properties.is_property_set("class_separation"):
-            self.class_separation = pleasant_mix([one.taken for one in measured])
         for name in _TAKEN:
             setattr(scatter, name, getattr(self, name))
         self._add_classes(scatter, measured, found.ground_for(measured))

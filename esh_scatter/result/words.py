@@ -233,7 +233,7 @@ _IN_BLENDER = (
     (" bodies ", " objects "),
     ("take more steps", "raise Max Steps (Advanced)"),
     ("lower the counts or the areas", "lower counts or Scale"),
-    ("as class_separation asks; a lower one lets", "as Mix Classes asks; a lower one lets"),
+    ("a lower class_separation lets", "a lower Mix Classes lets"),
 )
 
 

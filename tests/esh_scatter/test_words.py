@@ -92,16 +92,20 @@ def test_where_the_figure_tells_of_large_objects_only_nothing_is_called_uneven()
     assert words.evenness(report(error=0.1, alone=0.3, notes=found)) == "even"
 
 
-def test_grass_that_keeps_clear_of_trees_is_not_uneven_and_it_is_said_what_lets_it_closer():
-    area, index = np.repeat([1.0, 1e-3], [20, 3000]), np.repeat([0, 1], [20, 3000])
-    found = notes_on_larger_classes(area, index, [0.01, 1.0], ["Tree", "Grass"])
+def test_grass_that_trees_keep_off_is_not_uneven_and_it_is_said_what_helps():
+    area, index, names = np.repeat([1.0, 1e-3], [20, 3000]), np.repeat([0, 1], [20, 3000]), ["Tree", "Grass"]
+    found = notes_on_larger_classes(area, index, [0.01, 1.0], names, mixed=True)
     told = report(error=1.0, alone=1.0, converged=False, notes=found)
-    said = 'Much larger objects of other classes keep "Grass" away, as Mix Classes asks; a lower one lets them closer'
-    assert words.notes(told) == [said] and words.summary(told) == "1,042 placed · no overlap · 0.8 s"
+    said = 'Much larger objects of other classes keep "Grass" off part of the ground, which counts as uneven'
+    assert words.notes(told) == [f"{said}; a lower Mix Classes lets them closer"]
+    assert words.summary(told) == "1,042 placed · no overlap · 0.8 s"
+    found = notes_on_larger_classes(area, index, [0.01, 1.0], names, mixed=False)
+    assert words.notes(report(error=1.0, alone=1.0, converged=False, notes=found)) == [said]
+    # All together may be even.
+    assert "even" not in words.summary(report(error=0.01, alone=1.0, notes=found))
     # Not where it is even, nor where the others are as large or fill no ground.
-    assert notes_on_larger_classes(area, index, [0.01, 0.1], ["Tree", "Grass"]) == []
-    assert notes_on_larger_classes(np.ones(3020), index, [0.01, 1.0], ["Tree", "Grass"]) == []
-    assert notes_on_larger_classes(np.where(index == 0, 0.01, area), index, [0.01, 1.0], ["Tree", "Grass"]) == []
+    for own, errors in ((area, [0.01, 0.1]), (np.ones(3020), [0.01, 1.0]), (np.where(index, area, 0.01), [0.01, 1.0])):
+        assert notes_on_larger_classes(own, index, errors, names, mixed=True) == []
 
 
 @pytest.mark.parametrize(

@@ -523,7 +523,7 @@ def test_matrices_are_accepted_exactly_where_no_eigenvalue_is_negative(seed, siz
         Balance(float(words[words.index("to") + 1]), non_overlap=matrix)
     else:
         assert smallest > 0
-        np.testing.assert_allclose(balance.class_factors([7] * size), factors)
+        np.testing.assert_allclose(balance.class_factors([7] * size, [0.5] * size), factors)
 
 
 def test_a_balance_fits_the_classes_and_sizes():

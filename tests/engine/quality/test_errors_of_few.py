@@ -14,13 +14,20 @@ def ground(kind):
 
 
 @pytest.mark.parametrize("kind", ["plane", "surface"])
-@pytest.mark.parametrize(("separation", "said"), [(0.5, True), (0.0, False)])
-def test_small_bodies_that_keep_clear_of_large_ones_are_named_and_what_lets_them_closer_does(kind, separation, said):
+@pytest.mark.parametrize(
+    ("separation", "apart", "said", "closer"),
+    [(1.0, True, True, True), (0.5, True, True, False), (0.0, True, True, False), (0.0, False, False, False)],
+)
+def test_small_bodies_that_large_ones_keep_off_are_named_and_what_lets_them_closer(
+    kind, separation, apart, said, closer
+):
     classes = [BodyClass("plate", [Size("p", 0.15, 20)]), BodyClass("disc", [Size("d", 0.0002, 1500)])]
-    placement = solve(Problem(ground(kind), classes, Balance(class_separation=separation)), max_steps=60, device="cpu")
+    problem = Problem(ground(kind), classes, Balance(class_separation=separation), avoid_overlap=apart)
+    placement = solve(problem, max_steps=60, device="cpu")
     found = [note for note in placement.report.notes if kind_of(note) == NoteKind.AROUND_LARGER]
     assert len(found) == said
     if said:
-        assert '"disc"' in found[0] and '"plate"' not in found[0]
+        assert '"disc"' in found[0] and '"plate"' not in found[0] and ("lower" in found[0]) == closer
     error = {entry["name"]: entry["coverage_error"] for entry in placement.report.to_dict()["classes"]}["disc"]
-    assert (error > 0.5) == said
+    # What the plates cover is not free; and where classes are mixed wholly, nor is what is theirs around it.
+    assert (error > 0.15) == said and (error > 0.5) == closer
