@@ -16,21 +16,23 @@ __all__ = ["State", "StateArrays", "SurfaceState"]
 
 
 class StateArrays:
-    """Base of a dataclass whose fields are arrays of Warp, of the ``KINDS`` that it says, and two on the host.
+    """Base of a dataclass whose fields are arrays of Warp, of the ``KINDS`` that it says, and three on the host.
 
     Attributes:
         steps: Steps taken, shape ``[1]``, int32.
         unit: Meters per unit of length, shape ``[1]``.
+        identity: Identity of every body, shape ``[body_count]``, int32; None where they are those that the problem gives.
     """
 
     KINDS: ClassVar[dict[str, type]] = {}
     steps: np.ndarray
     unit: np.ndarray
+    identity: np.ndarray | None
 
     def copy(self) -> Self:
         """A state of its own with the same values, on the same device."""
         copies: dict[str, Any] = {name: wp.clone(array) for name, array in self._arrays().items()}
-        return type(self)(**copies | {"steps": self.steps.copy(), "unit": self.unit.copy()})
+        return type(self)(**copies | {"steps": self.steps.copy(), "unit": self.unit.copy(), "identity": self.identity})
 
     def assign(self, other: Self) -> None:
         """Take over the values of another state, of the same shapes and unit; it may be on another device."""
@@ -50,9 +52,9 @@ class StateArrays:
 
     def save(self, path: str | Path) -> None:
         """Write the state as `.npz`, which is added to the name where it lacks."""
-        np.savez(
-            path, steps=self.steps, unit=self.unit, **{name: array.numpy() for name, array in self._arrays().items()}
-        )
+        arrays = {name: array.numpy() for name, array in self._arrays().items()}
+        known = {} if self.identity is None else {"identity": self.identity}
+        np.savez(path, steps=self.steps, unit=self.unit, **arrays, **known)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -67,7 +69,9 @@ class StateArrays:
                 arrays: dict[str, Any] = {
                     name: wp.array(stored[name], dtype=kind, device="cpu") for name, kind in cls.KINDS.items()
                 }
-                return cls(**arrays | {"steps": stored["steps"].astype(np.int32), "unit": stored["unit"]})
+                identity = stored["identity"].astype(np.int32) if "identity" in stored else None
+                on_host = {"steps": stored["steps"].astype(np.int32), "unit": stored["unit"], "identity": identity}
+                return cls(**arrays | on_host)
         except (ValueError, KeyError, TypeError, RuntimeError, EOFError, BadZipFile) as error:
             raise ProblemError(f"{path} holds no {cls.__name__} that this version has saved") from error
 
@@ -91,6 +95,8 @@ class State(StateArrays):
             the other, float; empty where bodies are too few. See :mod:`~esh.engine.field.target_feedback`.
         steps: Steps taken, shape ``[1]``, int32, on the host.
         unit: Meters per unit of length, shape ``[1]``, on the host.
+        identity: :attr:`Placement.id` of every body, shape ``[body_count]``, int32, on the host; None where they are those that the
+            problem gives.
     """
 
     pose: wp.array
@@ -102,6 +108,7 @@ class State(StateArrays):
     target_factor: wp.array
     steps: np.ndarray
     unit: np.ndarray
+    identity: np.ndarray | None = None
 
     KINDS: ClassVar[dict[str, type]] = {
         "pose": wp.vec4,
@@ -135,6 +142,8 @@ class SurfaceState(StateArrays):
         length_factor: Correction of the lengths of lines for the pressure of their charges, float, one for every kind of line.
         steps: Steps taken, shape ``[1]``, int32, on the host.
         unit: Meters per unit of length, shape ``[1]``, on the host.
+        identity: :attr:`Placement.id` of every body, shape ``[body_count]``, int32, on the host; None where they are those that the
+            problem gives.
     """
 
     facet: wp.array
@@ -149,6 +158,7 @@ class SurfaceState(StateArrays):
     length_factor: wp.array
     steps: np.ndarray
     unit: np.ndarray
+    identity: np.ndarray | None = None
 
     KINDS: ClassVar[dict[str, type]] = {
         "facet": wp.int32,

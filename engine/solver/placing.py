@@ -12,6 +12,7 @@ import numpy as np
 from ..descent.descent import Descent
 from ..descent.surface_descent import SurfaceDescent
 from ..device.launcher import Launcher
+from ..edits.given_places import checked_identities
 from ..errors import ProblemError
 from ..heat.heat_mesh import HeatMeshes
 from ..model.identities_of_fixed import identities_of_fixed
@@ -113,7 +114,17 @@ class Placing(ABC, Generic[AnyDescent]):
             self.let_go()
             self.model = self.model.in_unit(float(state.unit[0]))
             self._descent = self.new_descent()
+        if state.identity is not None:
+            if state.identity.shape != (self.model.body_count,):
+                raise ProblemError("`identity` must have one number for every body: this is the state of another problem")
+            self.take_identities(state.identity)
         self.descent.continue_from(state)
+
+    def take_identities(self, identity: np.ndarray) -> None:
+        """Give bodies identities, shape ``[body_count]``; those of fixed ones are the problem's."""
+        identity = checked_identities(self.model, identity)
+        self.model.body = replace(self.model.body, identities=identity)
+        self.next_identity = int(identity.max()) + 1
 
     def check_domain(self, problem: Problem) -> None:
         """Raise ProblemError if an edit changes the domain."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from types import TracebackType
 from typing import Any, NamedTuple
 
@@ -18,7 +17,7 @@ from ..device.devices import resolve_device
 from ..device.launcher import Launcher
 from ..device.profile import Profile
 from ..edits.edit import in_order
-from ..edits.given_places import checked_identities, checked_places, given_outlines
+from ..edits.given_places import checked_places, given_outlines
 from ..errors import ProblemError, Reason, Refusal
 from ..heat.heat_mesh import HeatMeshes
 from ..model.body_flags import checked_flags
@@ -214,10 +213,16 @@ class Solver:
         With a natural border, this drops the bodies beyond it, as :meth:`placement` does.
         """
         self._placing.cut()
-        return self.descent.state
+        state, body = self.descent.state, self.model.body
+        state.identity = None if isinstance(body.identities, range) else body.identity
+        return state
 
     def start_from(self, state: State | SurfaceState) -> None:
-        """Continue from another state of the same problem; its values are copied."""
+        """Continue from another state of the same problem; its values are copied. Bodies get the identities that they had in it.
+
+        Raises:
+            ProblemError: It is the state of another problem.
+        """
         self._placing.start_from(state)
 
     def start_at(
@@ -253,9 +258,7 @@ class Solver:
         model = self.model
         position = checked_places(model, position)
         if identity is not None:
-            identity = checked_identities(model, identity)
-            model.body = replace(model.body, identities=identity)
-            self._placing.next_identity = int(identity.max()) + 1
+            self._placing.take_identities(identity)
         if variant is not None or scale is not None:
             model.take_outlines(given_outlines(model, variant, scale))
         self._placing.start_at(GivenPlaces(position, angle, length, triangle, barycentric))

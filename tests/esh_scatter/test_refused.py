@@ -225,6 +225,7 @@ OF_SCRIPTS = {
     "problem/problem.py Problem.rectangle": 1,
     "solver/bookmarks.py Bookmarks.check": 1,
     "solver/placing.py Placing.descent": 1,
+    "solver/placing.py Placing.start_from": 1,
     "solver/placing.py Placing.check_domain": 1,
     "solver/placing_on_surface.py PlacingOnSurface.check_domain": 1,
     "solver/solver.py Solver._check_open": 1,

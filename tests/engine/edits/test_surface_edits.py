@@ -476,10 +476,16 @@ def test_a_state_after_an_edit_is_gone_on_from_by_another_solver(of, tmp_path):
     with esh.Solver(of(400), device="cpu") as solver:
         solver.run(20)
         solver.edit(of(480))
-        before = solver.placement().position
+        solver.edit(of(440))
+        solver.edit(of(480))
+        before = solver.placement()
         solver.state.save(tmp_path / "state.npz")
         state = type(solver.state).load(tmp_path / "state.npz")
+    assert before.id.max() > 480
     with esh.Solver(of(480), device="cpu", state=state) as other:
-        np.testing.assert_allclose(other.placement().position, before, atol=1e-6)
+        np.testing.assert_allclose(other.placement().position, before.position, atol=1e-6)
+        np.testing.assert_array_equal(other.placement().id, before.id)
+        assert other.edit(of(500)).added.min() > before.id.max()
+        other.edit(of(480))
         other.run(20)
         assert measure(other.placement(), other.launcher).coverage_error < 0.03

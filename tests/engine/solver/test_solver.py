@@ -68,6 +68,15 @@ def test_a_state_that_was_saved_goes_on_as_if_nothing_had_been(kind, tmp_path):
     assert kept.steps.tolist() == [5]
 
 
+def test_a_state_with_too_few_identities_is_refused():
+    with Solver(problem_of("dots"), device="cpu") as solver:
+        state = solver.state.copy()
+        assert state.identity is None
+        state.identity = np.arange(5)
+        with pytest.raises(ProblemError, match=r"`identity` must have one number for every body"):
+            solver.start_from(state)
+
+
 def test_a_state_of_another_problem_is_refused():
     with Solver(problem_of("dots"), device="cpu") as solver:
         state = solver.state.copy()
