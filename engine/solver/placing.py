@@ -116,7 +116,9 @@ class Placing(ABC, Generic[AnyDescent]):
             self._descent = self.new_descent()
         if state.identity is not None:
             if state.identity.shape != (self.model.body_count,):
-                raise ProblemError("`identity` must have one number for every body: this is the state of another problem")
+                raise ProblemError(
+                    "`identity` must have one number for every body: this is the state of another problem"
+                )
             self.take_identities(state.identity)
         self.descent.continue_from(state)
 
