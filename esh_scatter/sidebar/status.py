@@ -54,7 +54,7 @@ def draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter:
             write_text(context, column, text, icon="ERROR" if words.has_trouble(report) else clean)
             if report.get(words.HELD):
                 write_text(context, column, report[words.HELD], icon="INFO")
-            _draw_deleted(context, column, scatter, words.placed(report))
+            _draw_deleted_or_added(context, column, scatter, words.placed(report))
             _draw_later(context, column, scatter)
     said = live.status(context.scene, scatter)
     if scatter.live and not said and (edited := _edited(context, scatter)):
@@ -94,8 +94,10 @@ def _edited(context: bpy.types.Context, scatter: ESH_PG_scatter) -> str:
     return next((str(item.name) for item in made_of if item in edited), "")
 
 
-def _draw_deleted(context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter, placed: int) -> None:
-    """Say of points that were deleted by Blender's own means, of as many as were placed, what becomes of them."""
+def _draw_deleted_or_added(
+    context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter, placed: int
+) -> None:
+    """Say of points that Blender's own means deleted or added, of as many as were placed, what becomes of them."""
     mesh = scatter.result.data
     gone = placed - len(mesh.vertices) if isinstance(mesh, bpy.types.Mesh) else 0
     if gone > 0:
@@ -103,6 +105,10 @@ def _draw_deleted(context: bpy.types.Context, column: bpy.types.UILayout, scatte
             f"{gone:,} objects were deleted: Update puts them" if gone > 1 else "1 object was deleted: Update puts it"
         )
         write_text(context, column, f"{what} back. Remove (Instances) keeps places free", icon="INFO")
+    elif gone < 0:
+        # Copies of points, or those of another result that was joined with this one.
+        added = f"{-gone:,} objects were" if gone < -1 else "1 object was"
+        write_text(context, column, f"{added} added by hand", icon="INFO")
 
 
 def _draw_later(context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:

@@ -627,6 +627,21 @@ def test_of_points_that_were_deleted_it_is_said_that_they_come_back():
     assert not told()
 
 
+def test_of_points_that_were_added_by_hand_it_is_said_how_many():
+    """The status told of as many as the last run had placed, also where another result was joined with this one."""
+    scatter = ready_scatter()
+    scatter.device, scatter.max_steps, scatter.avoid_overlap = "CPU", 5, False
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    result = scatter.result
+    placed = len(result.data.vertices)
+    other = result.copy()
+    other.data = result.data.copy()
+    bpy.context.collection.objects.link(other)
+    with bpy.context.temp_override(active_object=result, selected_editable_objects=[result, other]):
+        bpy.ops.object.join()
+    assert f"{placed:,} objects were added by hand" in draw_all(2000)
+
+
 def test_of_a_target_that_bends_without_its_objects_in_renders_it_is_said():
     """They stayed in the air in the picture, and followed in the viewport."""
     scatter = ready_scatter()
