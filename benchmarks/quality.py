@@ -92,6 +92,15 @@ def quality_cases(
                 ("large", lambda p: p.size_index == 1, UNIFORM, (0.091, 0.032, 0.017)),
             ],
         ),
+        (
+            "classes of 1,067 and 133, areas 0.1 and 4, separation 0.5",
+            Problem(SQUARE, [BodyClass("a", [Size("s", 0.1, 1067)]), BodyClass("b", [Size("s", 4.0, 133)])], seed=seed),
+            [
+                ("union", lambda p: slice(None), UNIFORM, None),
+                ("the small", lambda p: p.class_index == 0, UNIFORM, None),
+                ("the large", lambda p: p.class_index == 1, UNIFORM, None),
+            ],
+        ),
     ]
 
 
