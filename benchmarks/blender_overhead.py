@@ -46,7 +46,7 @@ PHASES = {
     "reading the mesh": [("targets", "read_targets")],
     "chart": [("targets", "chart_of")],
     "densities at its points": [("survey", "density")],
-    "classes": [("job", "_prepare_classes")],
+    "classes": [("preparation", "_prepare_classes")],
     "lifting back to the ground, rotations": [("result_points", "result_points")],
     "writing points, attributes, node group": [("result", "write_result")],
 }

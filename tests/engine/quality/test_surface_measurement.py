@@ -14,6 +14,7 @@ from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.heat import heat_mesh as heat_module
 from esh.engine.heat.heat_mesh import HeatMesh
+from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem
@@ -359,7 +360,8 @@ def test_many_small_bodies_among_a_few_large_ones_are_counted_quickly(launcher):
     corners = 10.0 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
     ground = Surface(SurfaceMesh(corners, [[0, 1, 2], [0, 2, 3]]))
     grass, trees = BodyClass("grass", [Size("tuft", 1e-3, 40_000)]), BodyClass("trees", [Size("tree", 30.0, 4)])
-    placement = solve(Problem(ground, [grass, trees], seed=1), device="cpu", max_steps=3)
+    # The paper's weighting brings grass close to trees in so few steps.
+    placement = solve(Problem(ground, [grass, trees], Balance(rare_emphasis=0.0), seed=1), device="cpu", max_steps=3)
     position, radius = placement.position, np.sqrt(placement.area / np.pi)
     large = placement.class_index == 1
     small, least = position[~large], 2e-3 * radius.min()
