@@ -18,9 +18,10 @@ __all__ = ["Balance"]
 # Times that a class counts as rarer than the largest, at most: few bodies need no more to be even.
 MOST_RARE = 100.0
 # Times that the bodies of another class may be larger before a class counts as one of small ones; and times that it does, at most.
-# Large ones push small ones by their charge: so many times as strongly must these push each other to have the same say. From twice on,
-# 1,561 bodies beside 175 of eighty times their area are .85 of the way between their means apart, and were .34; the error of all of
-# them at 1 spacing is .149, and was .140. From as large on .91 and .158, and areas 1 and 3 lose a third of being even together.
+# Large ones push small ones by their charge: so many times as strongly must these push each other to have the same say. Of 1,561
+# bodies beside 175 of eighty times their area the mean distance to the next is .85 of the root of the ground that each has, and was
+# .34; the error of all of them at 1 spacing is .149, and was .140. With 1 instead of 2 it is .91 and .158, and two classes of which one
+# has bodies three times as large lose a third of being even together.
 ALIKE, MOST_SMALL = 2.0, 10_000.0
 
 
