@@ -20,8 +20,8 @@ MOST_RARE = 100.0
 # Times that the bodies of another class may be larger before a class counts as one of small ones; and times that it does, at most.
 # Large ones push small ones by their charge: so many times as strongly must these push each other to have the same say. Of 1,561
 # bodies beside 175 of eighty times their area the mean distance to the next is .85 of the root of the ground that each has, and was
-# .34; the error of all of them at 1 spacing is .149, and was .140. With 1 instead of 2 it is .91 and .158, and two classes of which one
-# has bodies three times as large lose a third of being even together.
+# .34; the error of all of them at 1 spacing is .149, and was .140. With 1 instead of 2 it is .91 and .158, and two classes, one with
+# bodies three times as large, lose a third of being even together.
 ALIKE, MOST_SMALL = 2.0, 10_000.0
 
 
