@@ -32,13 +32,13 @@ def checked_places(model: Model, position: np.ndarray) -> np.ndarray:
     return position
 
 
-def checked_identities(model: Model, identity: np.ndarray) -> np.ndarray:
-    """Return identities for all bodies, shape ``[body_count]``: those that are given, but of fixed ones their own.
+def checked_identities(model: Model, identity: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """Return identities for all bodies, shape ``[body_count]``: those that are given, but where ``own`` those that they have.
 
     Raises:
         ProblemError: One is below 0, or two are the same.
     """
-    identity = np.where(model.fixed, model.body.identity, identity)
+    identity = np.where(own, model.body.identity, identity)
     if (identity < 0).any() or (np.diff(np.sort(identity)) == 0).any():
         raise ProblemError("`identity` must be a whole number of 0 or more for every body that no other one has")
     return identity.astype(np.int32)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from ..problem.size import Size
 from ..space.part import Part
 from . import kernels_edit
 
-__all__ = ["Spreading"]
+__all__ = ["Spreading", "spread_points"]
 
 # Not many: what follows moves them once more. With 16, errors after an edit are larger by 0.03.
 STEPS = 24
@@ -31,6 +31,31 @@ FEWEST_NODES = 2**14
 FEW = 100
 # Density over the largest that is there everywhere: points may leave where there is none, and nobody has to look for the way back.
 LEAST = 1e-7
+
+
+def spread_points(
+    launcher: Launcher,
+    domain: Domain,
+    densities: Sequence[np.ndarray],
+    counts: Sequence[int],
+    seed: int,
+    part: Part | None = None,
+) -> Callable[[], list[wp.array]]:
+    """Begin to spread points, for arguments see :class:`Spreading`; return what returns them, see :meth:`Spreading.points`."""
+    few = [part is None and domain.natural and count < FEW for count in counts]
+    if not any(few):
+        return Spreading(launcher, domain, densities, counts, seed, part).points
+    # A descent holds charges near a natural border. A few points, far from each other, would hardly move within a tenth of the domain,
+    # and one that is pushed there would not come back. Mirrors leave what is even even, too.
+    of_few, of_many = ([n if f == own else 0 for n, f in zip(counts, few, strict=True)] for own in (True, False))
+    mirrored = Spreading(launcher, replace(domain, boundary="mirror"), densities, of_few, seed)
+    natural = Spreading(launcher, domain, densities, of_many, seed)
+
+    def points() -> list[wp.array]:
+        found = zip(mirrored.points(), natural.points(), few, strict=True)
+        return [of_few if f else of_many for of_few, of_many, f in found]
+
+    return points
 
 
 class Spreading:
@@ -61,10 +86,6 @@ class Spreading:
         if part is not None:
             self._origin, domain = part.origin(domain.size), Domain(part.extent(domain.size))
         self._asked = [i for i, count in enumerate(counts) if count > 0]
-        if part is None and domain.natural and min((counts[i] for i in self._asked), default=FEW) < FEW:
-            # A descent holds what is near a natural border: few points, far from each other, would hardly move within a tenth of the
-            # domain, and who is pushed there would never come back. Mirrors are as neutral to what is even.
-            domain = replace(domain, boundary="mirror")
         self._descent: Descent | None = None
         if not self._asked:
             return

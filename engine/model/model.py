@@ -190,7 +190,7 @@ class Model:
             area=area,
             longest=of_bodies(longest, counts, np.float64),
             flags=flags,
-            identities=problem.body_ids().astype(np.int32, copy=False) if self.has_fixed else range(n),
+            identities=self.given_identities(),
             support=supports.of_body.astype(np.int32, copy=False),
         )
         self.charge: BodyCharges = charges_of(problem)
@@ -279,6 +279,11 @@ class Model:
     def charge_count(self) -> int:
         """Number of charges."""
         return len(self.charge.charge)
+
+    def given_identities(self) -> np.ndarray | range:
+        """The identities that the problem gives to its bodies, shape ``[body_count]``."""
+        problem = self.problem
+        return problem.body_ids().astype(np.int32, copy=False) if self.has_fixed else range(problem.body_count)
 
     @property
     def has_fixed(self) -> bool:

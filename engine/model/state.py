@@ -32,7 +32,8 @@ class StateArrays:
     def copy(self) -> Self:
         """A state of its own with the same values, on the same device."""
         copies: dict[str, Any] = {name: wp.clone(array) for name, array in self._arrays().items()}
-        return type(self)(**copies | {"steps": self.steps.copy(), "unit": self.unit.copy(), "identity": self.identity})
+        identity = None if self.identity is None else self.identity.copy()
+        return type(self)(**copies | {"steps": self.steps.copy(), "unit": self.unit.copy(), "identity": identity})
 
     def assign(self, other: Self) -> None:
         """Take over the values of another state, of the same shapes and unit; it may be on another device."""

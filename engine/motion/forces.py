@@ -42,7 +42,7 @@ class FieldSettings:
         fewest_nodes: Of the mesh that shows details of the targets; None for as many as it takes to show all.
         whole_charge: Charges before fading (see ``engine/tiles/fading.py``), shape ``[charge_count]``; None if none faded.
         smooth: Width of a blur between two charges over their spacing, with nothing that keeps close pairs apart; None for the blur
-            that places bodies. See :class:`~esh.engine.field.field.Field`.
+            that places bodies. See :class:`~esh.engine.field.blur.BlurSettings`.
     """
 
     targets: list[FieldTarget] | None = None

@@ -18,11 +18,13 @@ __all__ = ["Balance"]
 # Times that a class counts as rarer than the largest, at most: few bodies need no more to be even.
 MOST_RARE = 100.0
 # Times that the bodies of another class may be larger before a class counts as one of small ones; and times that it does, at most.
-# Large ones push small ones by their charge: so many times as strongly must these push each other to have the same say. Of 1,561
+# Large ones push small ones by their charge; with 2, these push each other half as strongly then as large ones push them. Of 1,561
 # bodies beside 175 of eighty times their area the mean distance to the next is .85 of the root of the ground that each has, and was
 # .34; the error of all of them at 1 spacing is .149, and was .140. With 1 instead of 2 it is .91 and .158, and two classes, one with
 # bodies three times as large, lose a third of being even together.
-ALIKE, MOST_SMALL = 2.0, 10_000.0
+TIMES_AS_LARGE, MOST_SMALL = 2.0, 10_000.0
+# Times that the own factor of a class is raised at most.
+MOST_RAISED = 1e6
 
 
 @described
@@ -74,8 +76,8 @@ class Balance(Settings):
         default=1.0,
         metadata=setting(
             "How evenly classes of few or small objects are spread beside others of many or larger ones. 0 treats all classes alike",
-            more="The power by which a class's own factor is raised, of the largest class's count over its own, times half of the "
-            "largest class's area over its own where that is more than 1; 0 is the paper's",
+            more="A class's own factor is multiplied by its rarity times its smallness, to this power. Rarity is the largest count "
+            "of a class over its own, at most 100; smallness is half of the largest area over its own, at least 1. 0 is the paper's",
             label="Favor Rare",
             low=0.0,
             high=2.0,
@@ -108,6 +110,6 @@ class Balance(Settings):
         count, area = np.asarray(counts, np.float64), np.asarray(areas, np.float64)
         apart = np.ones((len(count), len(count))) if self.non_overlap is None else np.asarray(self.non_overlap)
         rarity = np.minimum(count.max() / count, MOST_RARE)
-        smallness = np.clip(area.max() / (ALIKE * area), 1.0, MOST_SMALL)
-        own = (rarity * smallness) ** self.rare_emphasis
+        smallness = np.clip(area.max() / (TIMES_AS_LARGE * area), 1.0, MOST_SMALL)
+        own = np.minimum((rarity * smallness) ** self.rare_emphasis, MOST_RAISED)
         return (1.0 - self.class_separation) * np.diag(own) + self.class_separation * apart

@@ -72,7 +72,7 @@ LONG_SIDE = 1024
 # Mean square of the factor on a density, less 1, at these strengths.
 STRENGTHS, CROWDING = (0.0, 0.25, 0.5, 0.75, 1.0), (0.0, 0.07, 0.295, 0.66, 1.1)
 # Densities with clumps, and what densities are multiplied by, that are kept, each of no more pixels than these.
-MOST_KEPT, MOST_PIXELS_KEPT = 8, 2**21
+MOST_KEPT, MOST_PIXELS_KEPT = 4, 2**20
 # At the peak, measured: the grid of waves and what is filtered [bytes].
 BYTES_PER_PIXEL_OF_CLUMPS = 36
 
@@ -130,8 +130,8 @@ def _clumped(image: np.ndarray, own: _Own) -> np.ndarray:
 def clump_size_of(asked: float, domain: Domain, body_count: int, share: float) -> float:
     """Diameter of the clumps of a class [m] that stands on so large a :func:`share <occupied>` of a domain.
 
-    Where none is ``asked`` for it follows from the class's spacing, in steps, but an image that shows them has no more than so many
-    pixels.
+    Where none is ``asked`` for it follows from the class's spacing, in steps, but an image that shows them has no more than about
+    so many pixels.
     """
     if asked:
         return asked

@@ -39,8 +39,13 @@ def notes_on_errors(
     notes = notes_on_areas(area, placement.class_index, left)
     balance = placement.problem.balance
     if balance.class_separation > 0.0 or placement.problem.avoid_overlap:
-        mixed = balance.class_separation > USUAL.class_separation or balance.rare_emphasis < USUAL.rare_emphasis
-        notes += notes_on_larger_classes(area, placement.class_index, left, [c.name for c in classes], mixed=mixed)
+        mixed = balance.class_separation > (
+            USUAL.class_separation if balance.rare_emphasis >= USUAL.rare_emphasis else 0.0
+        )
+        apart = balance.classes_apart
+        apart = np.ones((len(classes), len(classes)), bool) if apart is None else apart
+        names = [c.name for c in classes]
+        notes += notes_on_larger_classes(area, placement.class_index, left, names, apart, mixed=mixed)
     if made:
         most = max(made, key=made.__getitem__)
         of_class = f' of class "{classes[most].name}"' if len(classes) > 1 else ""
@@ -71,7 +76,13 @@ def notes_on_areas(area: np.ndarray, class_index: np.ndarray, errors: Sequence[f
 
 
 def notes_on_larger_classes(
-    area: np.ndarray, class_index: np.ndarray, errors: Sequence[float], names: Sequence[str], *, mixed: bool
+    area: np.ndarray,
+    class_index: np.ndarray,
+    errors: Sequence[float],
+    names: Sequence[str],
+    apart: np.ndarray,
+    *,
+    mixed: bool,
 ) -> list[str]:
     """Say which classes are kept off a part of the ground by much larger bodies of others, which counts as uneven.
 
@@ -83,6 +94,7 @@ def notes_on_larger_classes(
         class_index: Their classes, shape ``[n]``.
         errors: Coverage errors of the classes.
         names: Of the classes.
+        apart: Which classes keep apart, shape ``[class_count, class_count]``, bool.
         mixed: Whether classes are mixed more than they are unless it is asked for, so that less of it helps.
     """
     if max(errors) <= UNEVEN:
@@ -91,7 +103,7 @@ def notes_on_larger_classes(
     mean = sums[1] / np.maximum(sums[0], 1.0)
     found = []
     for k in np.flatnonzero(np.greater(errors, UNEVEN) & ~_coarse(*sums)).tolist():
-        with_larger = (np.arange(len(errors)) == k) | (mean > mean[k])
+        with_larger = (np.arange(len(errors)) == k) | ((mean > mean[k]) & apart[k])
         if _coarse(*(one[with_larger].sum() for one in sums)):
             found.append(names[k])
     if not found:

@@ -109,24 +109,27 @@ class Placing(ABC, Generic[AnyDescent]):
         check_is(state, self.STATE, "`state`")
         own: StateArrays = self.descent.state
         own.check(state)
+        if state.identity is not None and state.identity.shape != (self.model.body_count,):
+            raise ProblemError("`identity` must have one number for every body: this is the state of another problem")
         if state.unit[0] != self.model.unit:
             # One that has seen edits may be in that of the problem before them.
             self.let_go()
             self.model = self.model.in_unit(float(state.unit[0]))
             self._descent = self.new_descent()
-        if state.identity is not None:
-            if state.identity.shape != (self.model.body_count,):
-                raise ProblemError(
-                    "`identity` must have one number for every body: this is the state of another problem"
-                )
-            self.take_identities(state.identity)
+        if state.identity is None:
+            self.model.body = replace(self.model.body, identities=self.model.given_identities())
+        else:
+            # Fixed bodies have the identities that the problem names, if it names any.
+            named = self.model.fixed.copy()
+            named[named] = self.model.problem.fixed.id >= 0
+            self.take_identities(state.identity, named)
         self.descent.continue_from(state)
 
-    def take_identities(self, identity: np.ndarray) -> None:
-        """Give bodies identities, shape ``[body_count]``; those of fixed ones are the problem's."""
-        identity = checked_identities(self.model, identity)
+    def take_identities(self, identity: np.ndarray, own: np.ndarray) -> None:
+        """Give bodies identities, shape ``[body_count]``, except where they keep their ``own``."""
+        identity = checked_identities(self.model, identity, own)
         self.model.body = replace(self.model.body, identities=identity)
-        self.next_identity = int(identity.max()) + 1
+        self.next_identity = max(self.next_identity, int(identity.max()) + 1)
 
     def check_domain(self, problem: Problem) -> None:
         """Raise ProblemError if an edit changes the domain."""

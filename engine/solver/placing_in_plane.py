@@ -16,7 +16,7 @@ from ..edits.carried_descent import carried_poses, carry_turns, go_on_from
 from ..edits.edit import EditInPlane
 from ..edits.given_places import given_poses, lay_outlines
 from ..edits.plane_settling import settle_in_plane
-from ..edits.spread import Spreading
+from ..edits.spread import spread_points
 from ..model.body_flags import BodyFlags
 from ..model.memory import check_memory
 from ..model.model import Model
@@ -172,4 +172,4 @@ class PlacingInPlane(Placing[Descent]):
     ) -> Callable[[], list[np.ndarray]]:
         problem = self.model.problem
         seed = int(self._randomness(problem).integers(1 << 31))
-        return Spreading(self.launcher, problem.rectangle, densities, counts, seed, part).points
+        return spread_points(self.launcher, problem.rectangle, densities, counts, seed, part)

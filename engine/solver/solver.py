@@ -258,7 +258,7 @@ class Solver:
         model = self.model
         position = checked_places(model, position)
         if identity is not None:
-            self._placing.take_identities(identity)
+            self._placing.take_identities(identity, model.fixed)
         if variant is not None or scale is not None:
             model.take_outlines(given_outlines(model, variant, scale))
         self._placing.start_at(GivenPlaces(position, angle, length, triangle, barycentric))

@@ -74,7 +74,7 @@ class ESH_OT_select_overlapping(_OfResult):
         report = scatter.report_as_it_stands(wait=True)
         assert report is not None
         if words.worst(report) is None:
-            return _say_none(self)
+            return _say_none(self, report)
         chosen = _overlapping(scatter, result.data, report)
         answer = select_points(self, context, chosen)
         if answer == {"FINISHED"}:
@@ -95,7 +95,7 @@ class ESH_OT_frame_overlap(_OfResult):
         assert result is not None and report is not None
         worst = words.worst(report)
         if worst is None:
-            return _say_none(self)
+            return _say_none(self, report)
         deepest = worst[1]
         matrix = Matrix(matrix_of_points(result).tolist())
         pair = [matrix @ result.data.vertices[index].co for index in worst[0]]
@@ -110,8 +110,11 @@ class ESH_OT_frame_overlap(_OfResult):
         return {"FINISHED"}
 
 
-def _say_none(operator: bpy.types.Operator) -> set[str]:
-    operator.report({"INFO"}, NONE)
+def _say_none(operator: bpy.types.Operator, report: dict[str, Any]) -> set[str]:
+    changed = report.get(words.LEANING_CHANGED, False)
+    operator.report(
+        {"INFO"}, "Objects lean otherwise by now, and cannot be counted. Scatter again" if changed else NONE
+    )
     return {"CANCELLED"}
 
 

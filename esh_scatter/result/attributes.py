@@ -65,7 +65,7 @@ BODY_ANGLE, BODY_LENGTH = "body_angle", "body_length"
 PINNED, PLACED_AT = "pinned", "placed_at"
 # Whether the object there overlaps another or leans into it; absent where no two do.
 OVERLAPPING = "overlapping"
-# Whether it overlaps another on the ground; where that is the same, or none leans, there is no such attribute.
+# Whether it overlaps another on the ground; absent where none does, or none leans.
 OVERLAPPING_ON_GROUND = "overlapping_on_ground"
 # What is known of the ground that an object stands on, and of the object: see :class:`.classes.standing.Ground`.
 NORMAL, HEADING, LONG, MIDDLE, LAID, LOOKS, FIT = "ground_normal", "heading", "long", "middle", "laid", "looks", "fit"

@@ -156,8 +156,10 @@ def _known_or_read(
 ) -> np.ndarray | tuple[tuple[int, int], TriangleMesh] | None:
     """Return the hull of an object, or where that is not known by what it will be, and its mesh; None where it has no faces."""
     key = item.session_uid, number_of_shown(item)
-    if key in _hulls:
-        return _hulls[key]
+    # A thread may forget it at any time.
+    known = _hulls.get(key)
+    if known is not None:
+        return known
     try:
         return key, read_source(item, context, "`area`")
     except ProblemError:

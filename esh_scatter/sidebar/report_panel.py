@@ -39,7 +39,7 @@ class ESH_PT_report(SubPanel, bpy.types.Panel):
             _draw_fact(facts, "Lean Together", leaning, "INFO" if words.leans(report) else "NONE")
         if report.get("deepest_leaning") and words.leans(report) and not report.get(words.LEANING_CHANGED):
             _draw_fact(facts, "Deepest", length_text(context.scene, report["deepest_leaning"]))
-        if words.worst(report) is not None:
+        if words.worst(report) is not None or (report.get("leaning") and report.get(words.COUNTING)):
             row = facts.row(align=True)
             row.operator("esh.select_overlapping", text="Select")
             row.operator("esh.frame_overlap", text="Frame Worst")

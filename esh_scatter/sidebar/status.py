@@ -97,7 +97,7 @@ def _edited(context: bpy.types.Context, scatter: ESH_PG_scatter) -> str:
 def _draw_deleted_or_added(
     context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter, placed: int
 ) -> None:
-    """Say of points that Blender's own means deleted or added, of as many as were placed, what becomes of them."""
+    """Say how many points Blender's own means deleted, of so many, and what becomes of these; or how many they added."""
     mesh = scatter.result.data
     gone = placed - len(mesh.vertices) if isinstance(mesh, bpy.types.Mesh) else 0
     if gone > 0:

@@ -80,7 +80,7 @@ class _Count:
 
 
 _known: dict[_Key, Counted] = {}
-# By the numbers of results.
+# By the session's numbers of results.
 _asked: dict[int, _Asked] = {}
 _going: _Count | None = None
 _last_change = 0.0
@@ -233,7 +233,10 @@ def _begin(asked: _Asked) -> bool:
             return False
         read = read_leaning(result, bpy.context)
     if read is None:
-        # Too little is known of it, or it is being edited by now, which the next one to ask sees.
+        if not result.data.is_editmode:
+            # Too little is known of it. In Edit Mode the next one to ask sees that.
+            _keep(key, Counted(None, known=False))
+            redraw_sidebars()
         return False
     _asked[key.uid] = asked._replace(key=key)
     _going = _Count(key, read)

@@ -94,18 +94,20 @@ def test_where_the_figure_tells_of_large_objects_only_nothing_is_called_uneven()
 
 def test_grass_that_trees_keep_off_is_not_uneven_and_it_is_said_what_helps():
     area, index, names = np.repeat([1.0, 1e-3], [20, 3000]), np.repeat([0, 1], [20, 3000]), ["Tree", "Grass"]
-    found = notes_on_larger_classes(area, index, [0.01, 1.0], names, mixed=True)
+    every = np.ones((2, 2), bool)
+    found = notes_on_larger_classes(area, index, [0.01, 1.0], names, every, mixed=True)
     told = report(error=1.0, alone=1.0, converged=False, notes=found)
     said = 'Much larger objects of other classes keep "Grass" off part of the ground, which counts as uneven'
     assert words.notes(told) == [f"{said}; a lower Mix Classes lets them closer"]
     assert words.summary(told) == "1,042 placed · no overlap · 0.8 s"
-    found = notes_on_larger_classes(area, index, [0.01, 1.0], names, mixed=False)
+    found = notes_on_larger_classes(area, index, [0.01, 1.0], names, every, mixed=False)
     assert words.notes(report(error=1.0, alone=1.0, converged=False, notes=found)) == [said]
     # All together may be even.
     assert "even" not in words.summary(report(error=0.01, alone=1.0, notes=found))
     # Not where it is even, nor where the others are as large or fill no ground.
     for own, errors in ((area, [0.01, 0.1]), (np.ones(3020), [0.01, 1.0]), (np.where(index, area, 0.01), [0.01, 1.0])):
-        assert notes_on_larger_classes(own, index, errors, names, mixed=True) == []
+        assert notes_on_larger_classes(own, index, errors, names, every, mixed=True) == []
+    assert notes_on_larger_classes(area, index, [0.01, 1.0], names, np.eye(2, dtype=bool), mixed=True) == []
 
 
 @pytest.mark.parametrize(

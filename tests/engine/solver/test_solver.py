@@ -16,6 +16,7 @@ from esh.engine.motion.direction import Direction
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
+from esh.engine.problem.fixed_bodies import FixedBodies
 from esh.engine.problem.line import Line
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
@@ -66,6 +67,31 @@ def test_a_state_that_was_saved_goes_on_as_if_nothing_had_been(kind, tmp_path):
             solver.step(4)
             np.testing.assert_array_equal(solver.placement().position, expected)
     assert kept.steps.tolist() == [5]
+
+
+def test_a_state_brings_identities_also_where_bodies_are_fixed_whom_nobody_named(tmp_path):
+    def problem(count, fixed):
+        return Problem(
+            Domain((20.0, 20.0)),
+            [BodyClass("a", [Size("s", 0.2, count)])],
+            fixed=[FixedBodies(fixed)],
+            include_fixed=True,
+        )
+
+    places = np.array([[3.0, 3.0], [12.0, 9.0]])
+    with Solver(problem(100, places[:1]), device="cpu") as solver:
+        solver.run(5)
+        start = solver.state.copy()
+        solver.edit(problem(130, places))
+        placement = solver.placement()
+        solver.state.save(tmp_path / "state.npz")
+    with Solver(problem(130, places), device="cpu", state=State.load(tmp_path / "state.npz")) as other:
+        np.testing.assert_array_equal(other.placement().id, placement.id)
+    with Solver(problem(100, places[:1]), device="cpu") as solver:
+        given = solver.placement().id
+        solver.start_at(solver.placement().position, identity=given[::-1] + 500)
+        solver.start_from(start)
+        np.testing.assert_array_equal(solver.placement().id, given)
 
 
 def test_a_state_with_too_few_identities_is_refused():
