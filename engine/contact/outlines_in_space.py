@@ -198,7 +198,7 @@ class OutlinesInSpace(ABC):
         """Write positions and turns into the state."""
 
     def _lead(self, guidance: Guidance) -> None:
-        """Set the places that bodies are pulled to by guidance."""
+        """Set the places that bodies are pulled to by guidance, which there is in the plane only: nobody asks on a surface."""
         raise NotImplementedError
 
     def _find_rows(self) -> None:  # noqa: B027
