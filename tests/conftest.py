@@ -10,9 +10,11 @@ import shutil
 import signal
 import sys
 import tempfile
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 try:
@@ -80,6 +82,32 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish() -> None:
     """Have Python's collector of garbage look no more at what stays until the end: thousands of tests and all modules."""
     gc.freeze()
+
+
+# What :func:`_fixed_work` takes on two idle cores of an Intel Xeon, whose seconds tests name [s of a processor].
+IDLE_SECONDS = 0.03
+
+
+@pytest.fixture
+def slowness() -> Callable[[], float]:
+    """How many times as long as on an idle machine work takes on this one now, by a piece of work that is always the same; at least 1.
+
+    Limits on seconds are multiplied by it: they are about the code, and not about what else the machine has to do.
+    """
+    return lambda: max(1.0, sum(_fixed_work() for _ in range(5)) / (5.0 * IDLE_SECONDS))
+
+
+def _fixed_work() -> float:
+    """Seconds of a processor for some of what most code does: loops of Python, and of NumPy over arrays."""
+    start = time.process_time()
+    values = np.random.default_rng(1).random(100_000)
+    for _ in range(4):
+        np.sort(values)
+        np.exp(values)
+    sums: dict[int, int] = {}
+    for number in range(50_000):
+        sums[number % 1000] = sums.get(number % 1000, 0) + number
+    return time.process_time() - start
 
 
 @pytest.hookimpl(wrapper=True)

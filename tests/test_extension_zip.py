@@ -327,23 +327,28 @@ answer(placed=[size.placed for entry in result.report.classes for size in entry.
     assert seen["missing"] == []
 
 
-def test_disabling_leaves_nothing_and_enabling_again_works(installed: dict, run_in_blender: Callable[[str], dict]):
+def test_disabling_leaves_nothing_and_enabling_again_works(
+    installed: dict, run_in_blender: Callable[[str], dict], slowness: Callable[[], float]
+):
     seen = run_in_blender(
         f"""
 before = state()
 addon_utils.enable({MODULE!r})
 enabled = state()
-import time
-start = time.process_time()
 addon_utils.disable({MODULE!r})
-disabled, took = state(), [time.process_time() - start]
-start = time.process_time()
+disabled = state()
 addon_utils.enable({MODULE!r})
-again = state()
-answer(before=before, enabled=enabled, disabled=disabled, again=again, took=[*took, time.process_time() - start])
+again, took = state(), []
+import time
+for switch in (addon_utils.disable, addon_utils.enable):
+    start = time.process_time()
+    # Blender unpacks all wheels when an extension is enabled, which is not this one's time.
+    switch({MODULE!r}, refresh_handled=True)
+    took.append(time.process_time() - start)
+answer(before=before, enabled=enabled, disabled=disabled, again=again, took=took)
 """
     )
-    # Less than 0.1 s each on a machine that has nothing else to do; both took seconds once.
-    assert max(seen["took"]) < 1.0
+    # Both took seconds once.
+    assert max(seen["took"]) < 0.25 * slowness()
     assert seen["disabled"] == seen["before"] != seen["enabled"]
     assert seen["again"] == seen["enabled"]

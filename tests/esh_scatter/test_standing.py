@@ -322,7 +322,7 @@ def test_classes_that_were_moved_or_added_since_do_not_take_the_points_of_others
     np.testing.assert_array_equal(moved, own)
 
 
-def test_a_hundred_thousand_are_turned_in_a_moment(scatter):
+def test_a_hundred_thousand_are_turned_in_a_moment(scatter, slowness):
     mesh = bpy.data.meshes.new("Many")
     count = 100_000
     mesh.vertices.add(count)
@@ -339,8 +339,9 @@ def test_a_hundred_thousand_are_turned_in_a_moment(scatter):
     assert kept_ground.can_stand_anew(item)
     started = time.process_time()
     kept_ground.stand_anew(item, 0, esh.Standing(align_to_normal=0.5, tilt=0.1))
+    took = time.process_time() - started
     # It takes 0.04 s on a machine that has nothing else to do.
-    assert time.process_time() - started < 0.3
+    assert took < 0.2 * slowness()
 
 
 @pytest.mark.parametrize(

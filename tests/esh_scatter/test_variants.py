@@ -296,7 +296,7 @@ def test_live_goes_on_with_what_was_chosen_at_once(scattered, follow):
 
 
 @pytest.mark.alone
-def test_a_hundred_thousand_get_other_variants_in_a_moment(scattered):
+def test_a_hundred_thousand_get_other_variants_in_a_moment(scattered, slowness):
     bpy.ops.esh.scatter()
     result, count = scattered.result.data, 100_000
     mesh = bpy.data.meshes.new("Many")
@@ -315,7 +315,8 @@ def test_a_hundred_thousand_get_other_variants_in_a_moment(scattered):
     scattered.result.data = mesh
     started = time.process_time()
     scattered.classes[0].sizes[0].variants[1].weight = 2.0
-    assert time.process_time() - started < 0.1
+    took = time.process_time() - started
+    assert took < 0.1 * slowness()
     assert (shown(scattered) == "Red").mean() == pytest.approx(0.5, abs=0.01) and not scattered.outdated
 
 

@@ -216,7 +216,7 @@ def test_usd_of_others_becomes_meters_and_z_up(tmp_path):
     assert np.isnan(bodies.area).all() and bodies.prototypes[0].name == "Rock"
 
 
-def test_a_million_points_are_written_as_usd_in_seconds(tmp_path):
+def test_a_million_points_are_written_as_usd_in_seconds(tmp_path, slowness):
     pytest.importorskip("pxr.Usd")
     random = np.random.default_rng(1)
     count = 1_000_000
@@ -225,7 +225,8 @@ def test_a_million_points_are_written_as_usd_in_seconds(tmp_path):
     start = time.process_time()
     esh.write_bodies(tmp_path / "many.usdc", bodies)
     # 0.7 s when written; the seconds of the processor, since tests run beside each other.
-    assert time.process_time() - start < 4.0
+    took = time.process_time() - start
+    assert took < 4.0 * slowness()
     assert (tmp_path / "many.usdc").stat().st_size > 40_000_000
 
 

@@ -142,7 +142,7 @@ def test_the_nearest_point_of_a_tetrahedron_is_nearer_than_all_others():
 
 
 @pytest.mark.alone
-def test_a_hundred_thousand_that_lean_take_a_second():
+def test_a_hundred_thousand_that_lean_take_a_second(slowness):
     rng = np.random.default_rng(1)
     side = 316
     place = np.stack(np.meshgrid(np.arange(side), np.arange(side), [0.0]), axis=-1).reshape(-1, 3)
@@ -154,7 +154,8 @@ def test_a_hundred_thousand_that_lean_take_a_second():
     before = time.process_time()
     first, second = meeting_pairs(solids, np.ones(len(place), bool))
     depths(solids, first, second)
-    assert time.process_time() - before < 2.5, "half of it on an idle machine"
+    took = time.process_time() - before
+    assert took < 2.5 * slowness(), "half of it on an idle machine"
     assert len(first) > 500
 
 

@@ -355,7 +355,7 @@ def test_the_report_after_a_run_is_that_of_the_placement_alone(device, launcher)
     assert report.coverage_error < 0.01
 
 
-def test_many_small_bodies_among_a_few_large_ones_are_counted_quickly(launcher):
+def test_many_small_bodies_among_a_few_large_ones_are_counted_quickly(launcher, slowness):
     """Each small one saw all others within a large one's reach: of 86,000 bodies counting took minutes."""
     corners = 10.0 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
     ground = Surface(SurfaceMesh(corners, [[0, 1, 2], [0, 2, 3]]))
@@ -372,6 +372,7 @@ def test_many_small_bodies_among_a_few_large_ones_are_counted_quickly(launcher):
     assert pairs > 1000 and covered > 1000
     start = time.process_time()
     found = find_overlaps_on_surface(placement, bodies_on_surface(placement, launcher), launcher)
-    assert time.process_time() - start < 2.0
+    took = time.process_time() - start
+    assert took < 2.0 * slowness()
     # Of a large one so many are counted at most.
     assert found.count == pairs + (covered + 4 * MOST_OVERLAPS_PER_BODY) // 2
