@@ -27,6 +27,7 @@ __all__ = [
     "WAVELENGTH",
     "clump_factor",
     "clump_size_of",
+    "clumps_kept",
     "crowding_of",
     "memory_of_clumps",
     "occupied",
@@ -42,6 +43,8 @@ __all__ = [
 SPACINGS = 2.5
 # A chosen diameter is a power of this: most edits, as a stroke over a density, leave it and so all clumps as they are.
 SIZE_STEP = 1.08
+# And an edit leaves it where the one that would be chosen differs by less than this factor.
+MOST_CHANGE = 1.3
 # A wavelength is a clump and the gap beside it.
 WAVELENGTH = 2.0
 # Logarithm of the density, at the strongest, where the field is at its standard deviation; and where the field is cut off.
@@ -77,7 +80,9 @@ MOST_KEPT, MOST_PIXELS_KEPT = 4, 2**20
 BYTES_PER_PIXEL_OF_CLUMPS = 36
 
 
-def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int) -> PreparedClass:
+def with_clumps(
+    body_class: PreparedClass, index: int, domain: Domain, seed: int, size: float | None = None
+) -> PreparedClass:
     """Return a class whose density has the clumps that it asks for; its image may have more pixels.
 
     Args:
@@ -85,6 +90,7 @@ def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int
         index: Its place among the classes; each has clumps of its own.
         domain: Where.
         seed: Of the problem.
+        size: Diameter of the clumps [m]; None for what the class asks for.
 
     Raises:
         ProblemError: Clumps too small for the domain, or for this machine's memory.
@@ -92,11 +98,22 @@ def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int
     if body_class.clustering == 0.0:
         return body_class
     image = body_class.density_image
-    size = clump_size_of(body_class.clump_size, domain, body_class.body_count, occupied(image))
+    if size is None:
+        size = clump_size_of(body_class.clump_size, domain, body_class.body_count, occupied(image))
     own = _Own(_shape(image, size, domain, body_class.name), size, domain, body_class.clustering, (seed, 8, index))
     if max(math.prod(own.shape), image.size) <= MOST_PIXELS_KEPT:
-        return replace(body_class, density_image=_clumped_again(image.tobytes(), image.shape, image.dtype.str, own))
-    return replace(body_class, density_image=_clumped(image, own))
+        clumped = _clumped_again(image.tobytes(), image.shape, image.dtype.str, own)
+    else:
+        clumped = _clumped(image, own)
+    return replace(body_class, density_image=clumped, clumps=size)
+
+
+def clumps_kept(body_class: PreparedClass, before: PreparedClass) -> bool:
+    """Whether clumps of a chosen size stay as large as they were ``before``: a little more or less moves nearly all bodies."""
+    if not body_class.clumps or not before.clumps or body_class.clump_size or before.clump_size:
+        return False
+    ratio = body_class.clumps / before.clumps
+    return ratio != 1.0 and 1.0 / MOST_CHANGE < ratio < MOST_CHANGE
 
 
 class _Own(NamedTuple):

@@ -75,6 +75,7 @@ class PreparedClass(PlacingSettings):
         most: Largest density that is followed on a surface, where it is a share of the ground to cover.
         outlines: Obstacles that are outlines on the surface; None where there are none.
         edge: How wide the density's edge at these is [m].
+        clumps: Diameter of the clumps that its density has got [m]; 0 where it has none.
         base: The class before its density got clumps, obstacles were cut out of it and fixed bodies added to its counts; None if
             it is that.
     """
@@ -89,6 +90,7 @@ class PreparedClass(PlacingSettings):
     most: float = math.inf
     outlines: OutlinesOnSurface | None = None
     edge: float = 0.0
+    clumps: float = 0.0
 
     def _key(self, name: str) -> str:
         return f'`{name}` of class "{self.name}"'

@@ -9,6 +9,7 @@ Symbols are those of the paper, Schmaltz, Gwosdek and Weickert 2012, Multi-Class
 
 from __future__ import annotations
 
+import copy
 import zlib
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
@@ -21,7 +22,7 @@ from ..errors import ProblemError, Reason, Refusal
 from . import validation
 from .balance import Balance
 from .body_class import BodyClass
-from .clumps import with_clumps
+from .clumps import clumps_kept, with_clumps
 from .domain import Domain
 from .feasibility import check_feasible, check_known_in_rectangles, check_known_on_surfaces
 from .fixed_bodies import FixedBodies, FixedBody
@@ -140,9 +141,9 @@ class Problem(ProblemSettings):
                 prepared = tuple(cut_out_on_surface(c, domain, obstacles, outlines) for c in bases)
         else:
             check_known_in_rectangles(bases, obstacles)
+            known: dict[Hashable, np.ndarray] = {}
             prepared = tuple(with_clumps(c, index, domain, settings.seed) for index, c in enumerate(bases))
             if obstacles:
-                known: dict[Hashable, np.ndarray] = {}
                 prepared = tuple(cut_out(c, domain, obstacles, known) for c in prepared)
         prepared = _sharing_images(prepared)
         settle(self, **values_of(settings, ProblemSettings))
@@ -224,6 +225,26 @@ class Problem(ProblemSettings):
                 )
             sizes.append(size if total == count else with_count(size, total))
         return body_class if sizes == list(body_class.sizes) else replace(body_class, sizes=tuple(sizes))
+
+    def with_clumps_of(self, before: Problem) -> Problem:
+        """Return this problem in a rectangle with clumps as large as ``before`` where their chosen size would change little."""
+        kept = {c.name: c for c in before.classes}
+        known: dict[Hashable, np.ndarray] = {}
+        classes = list(self.classes)
+        for index, own in enumerate(self.classes):
+            if own.name in kept and clumps_kept(own, kept[own.name]):
+                again = with_clumps(own.base or own, index, self.rectangle, self.seed, kept[own.name].clumps)
+                image = (
+                    cut_out(again, self.rectangle, self.obstacles, known).density_image
+                    if self.obstacles
+                    else again.density_image
+                )
+                classes[index] = replace(own, density_image=image, clumps=again.clumps)
+        if all(c is own for c, own in zip(classes, self.classes, strict=True)):
+            return self
+        result = copy.copy(self)
+        settle(result, classes=_sharing_images(classes))
+        return result
 
     @property
     def rectangle(self) -> Domain:

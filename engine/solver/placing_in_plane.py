@@ -91,6 +91,7 @@ class PlacingInPlane(Placing[Descent]):
     def edit(self, problem: Problem) -> EditedBodies:
         """Make the model and the descent of another problem in the same domain, with the bodies that are there."""
         before, old = self.model, self.descent.state
+        problem = problem.with_clumps_of(before.problem)
         ratio = problem.charge_count / before.charge_count
         model = Model(problem, unit=before.unit if 1.0 / MOST_GROWTH < ratio < MOST_GROWTH else None)
         self._name_fixed(model)
