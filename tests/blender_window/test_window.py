@@ -1,4 +1,7 @@
-"""The zip in a real window: installed, its panel drawn, its button pressed. Needs ``BLENDER=…``, which has a display."""
+"""The zip in a real window: installed, its panel drawn, its button pressed. Needs ``BLENDER=…``, which has a display.
+
+Where that is a Blender of another file system root, it has to hand on ``BLENDER_USER_RESOURCES``.
+"""
 
 import json
 import os
@@ -34,6 +37,13 @@ def package(tmp_path_factory) -> Path:
 _installed: set[Path] = set()
 
 
+def _settings_beside(package: Path) -> Path:
+    """Where windows that have installed a zip keep their settings and extensions."""
+    folder = package.parent / "blender"
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
 def driven(
     name: str, package: Path, folder: Path, *arguments: str, by_hand: bool = True, seconds: float = 600.0
 ) -> dict:
@@ -43,7 +53,11 @@ def driven(
         shutil.copy(script, folder)
     asked = "-" if package in _installed else package
     command = [BLENDER, "--factory-startup", "--python", folder / "start.py", "--", asked, folder, name, *arguments]
-    finished = subprocess.run(command, capture_output=True, text=True, timeout=seconds, stdin=subprocess.DEVNULL)
+    # Tests that run in other processes install their zip into folders of their own.
+    environment = os.environ | {"BLENDER_USER_RESOURCES": str(_settings_beside(package))}
+    finished = subprocess.run(
+        command, capture_output=True, text=True, timeout=seconds, stdin=subprocess.DEVNULL, env=environment
+    )
     kept = os.environ.get("BLENDER_SCREENSHOTS")
     for picture in folder.glob("*.png") if kept else ():
         shutil.copy(picture, kept)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from esh.engine.problem.balance import Balance
+from esh.engine.problem.balance import SHARED_POWER, Balance
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.footprint import Footprint
@@ -53,12 +53,33 @@ def test_is_positive_semidefinite_for_every_allowed_balance(areas, alpha, emphas
     assert values.min() >= -1e-9 * values.max()
 
 
-def test_rare_classes_weigh_more_by_themselves_and_no_more_beside_others():
+@settings(max_examples=60, deadline=None)
+@given(st.data(), st.floats(0.0, 1.0), st.floats(0.0, 2.0))
+def test_is_positive_semidefinite_for_classes_of_any_counts_of_which_any_may_overlap(data, alpha, rare):
+    """A chain, in which all that are not neighbors may overlap, has a negative eigenvalue by itself."""
+    size = data.draw(st.integers(2, 6))
+    kinds = st.integers(1, 10**6), st.floats(1e-3, 1e3)
+    counts, areas = (data.draw(st.lists(kind, min_size=size, max_size=size)) for kind in kinds)
+    chain = (np.abs(np.subtract.outer(np.arange(size), np.arange(size))) < 2).astype(float)
+    alpha /= 1.0 - np.linalg.eigvalsh(chain)[0]
+    matrix = Balance(min(alpha, 1.0), non_overlap=chain, rare_emphasis=rare).class_factors(counts, areas)
+    np.testing.assert_array_equal(matrix, matrix.T)
+    values = np.linalg.eigvalsh(matrix)
+    assert values.min() >= -1e-9 * values.max()
+
+
+def test_rare_classes_weigh_more_by_themselves_and_beside_rare_ones():
     counts = {"many": 4000, "few": 400, "rare": 40, "one": 1}
     classes = [BodyClass(name, [Size("s", 1e-4, count)]) for name, count in counts.items()]
     matrix = group_bodies(Problem(Domain((1.0, 1.0)), classes)).matrix
-    np.testing.assert_allclose(np.diag(matrix), [1.0, 0.5 + 5.0, 0.5 + 50.0, 0.5 + 50.0])
-    np.testing.assert_array_equal(matrix[~np.eye(4, dtype=bool)], 0.5)
+    # Ten and, at most, a hundred times as rare as the largest; two push each other as the less rare of them.
+    shared = 0.25 * (np.minimum.outer(rarity := np.array([1.0, 10.0, 100.0, 100.0]), rarity) ** SHARED_POWER - 1.0)
+    np.testing.assert_allclose(matrix, 0.5 * np.diag(rarity) + 0.5 + shared)
+    np.testing.assert_array_equal(matrix[0], [1.0, 0.5, 0.5, 0.5])
+    # Less where their areas differ: what is much smaller is another kind of thing.
+    apart = [BodyClass(name, [Size("s", area, 40)]) for name, area in (("few", 1e-4), ("large", 1e-2))]
+    beside = group_bodies(Problem(Domain((1.0, 1.0)), [classes[0], *apart])).matrix[1, 2]
+    assert beside == pytest.approx(0.5 + 0.01 * (matrix[2, 3] - 0.5))
     papers = group_bodies(Problem(Domain((1.0, 1.0)), classes, Balance(rare_emphasis=0.0))).matrix
     np.testing.assert_array_equal(papers, 0.5 + 0.5 * np.eye(4))
     # Where only the union counts there is nothing of its own to weigh.

@@ -330,8 +330,13 @@ def test_regularity_keeps_a_photograph(regularity, order):
     assert errors(placement, slice(None), image)[1] <= 0.0037
 
 
-@pytest.mark.parametrize(("counts", "smallest"), [((4000, 400, 40), 0.84), ((1000, 100), 0.82)])
-def test_rare_classes_are_as_even_as_if_they_were_alone(counts, smallest):
+# All together over what they are with the paper's factors: means of six seeds are 0.96, 1.0 and 1.07. They were 1.08, 0.97 and 1.5
+# before rare classes pushed each other more, too.
+@pytest.mark.parametrize(
+    ("counts", "smallest", "together"),
+    [((4000, 400, 40), 0.84, 1.04), ((1000, 100), 0.82, 1.04), ((1000, 300, 100, 30), 0.79, 1.2)],
+)
+def test_rare_classes_are_as_even_as_if_they_were_alone_and_all_are_even_together(counts, smallest, together):
     found = {}
     for emphasis in (0.0, 1.0):
         classes = [BodyClass(str(count), [Size("s", 1e-4, count)]) for count in counts]
@@ -343,7 +348,7 @@ def test_rare_classes_are_as_even_as_if_they_were_alone(counts, smallest):
     (spacing, error, union), (before, error_before, union_before) = found[1.0], found[0.0]
     assert spacing >= max(smallest, before + 0.04)
     assert error <= min(0.015, 0.8 * error_before)
-    assert (union <= 1.08 * union_before).all()
+    assert (union <= together * union_before).all()
 
 
 def test_rare_bodies_start_where_they_may_be_and_are_placed_exactly():
