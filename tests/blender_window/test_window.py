@@ -252,6 +252,7 @@ def test_an_artist_answers_questions_and_goes_back(package: Path, tmp_path: Path
     assert answer["lost"] == [[0, 1], everything - answer["begun"]["Log"], []] and answer["back"] == 0.0
 
 
+@pytest.mark.alone
 def test_what_leans_is_counted_again_once_tilt_is_let_go(package: Path, tmp_path: Path):
     answer = driven("lean_driver", package, tmp_path)
     assert answer["before"] == [0.0, [0, False]]
@@ -300,6 +301,7 @@ def test_a_preset_that_is_dragged_onto_the_ground_is_scattered_there(package: Pa
     assert answer["shelf"] == ["INTERFACE"], "the assets that a class can place are shown"
 
 
+@pytest.mark.alone
 def test_twenty_classes_are_drawn_quickly(package: Path, tmp_path: Path):
     answer = driven("panel_driver", package, tmp_path, by_hand=False)
     assert answer["ran"] == ["FINISHED"] and answer["panels"] >= 5
@@ -308,6 +310,7 @@ def test_twenty_classes_are_drawn_quickly(package: Path, tmp_path: Path):
     assert answer["draws"][0] < 15.0
 
 
+@pytest.mark.alone
 def test_the_first_press_waits_for_nothing_to_be_loaded(package: Path, tmp_path: Path):
     answer = driven("first_press_driver", package, tmp_path, by_hand=False)
     print(answer)
@@ -315,6 +318,7 @@ def test_the_first_press_waits_for_nothing_to_be_loaded(package: Path, tmp_path:
     assert answer["invoke"] < 0.2 and answer["placed"] > 100
 
 
+@pytest.mark.alone
 def test_the_window_waits_for_no_more_than_what_has_to_be_written(package: Path, tmp_path: Path):
     answer = driven("times_driver", package, tmp_path, by_hand=False)
     print(answer)
