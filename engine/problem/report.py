@@ -48,6 +48,7 @@ class ClassReport:
         smallest_spacing: Smallest distance between two of its bodies, over the hexagonal spacing of the class alone. None with fewer
             than two bodies, and on surfaces.
         order: Mean sixfold order of its bodies alone, see :attr:`Report.order`.
+        kept_off: Whether much larger bodies of other classes keep it off part of the ground, which makes its coverage error large.
     """
 
     name: str
@@ -55,6 +56,7 @@ class ClassReport:
     sizes: tuple[SizeReport, ...]
     smallest_spacing: float | None = None
     order: float | None = None
+    kept_off: bool = False
 
     @property
     def psnr(self) -> float | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from ..problem.balance import Balance
 from ..problem.note import Note, NoteKind
 from ..problem.placement import Placement
 
-__all__ = ["notes_on_areas", "notes_on_errors", "notes_on_larger_classes"]
+__all__ = ["ErrorsExplained", "classes_kept_off", "explain_errors", "notes_on_areas", "notes_on_larger_classes"]
 
 # Coverage errors above which somebody asks why; and how many times more bodies there are than equal ones that would be as coarse.
 UNEVEN, MOST_OF_FEW = 0.15, 4.0
@@ -21,9 +22,22 @@ USUAL = Balance()
 MOSTLY = 0.5
 
 
-def notes_on_errors(
+@dataclass(frozen=True)
+class ErrorsExplained:
+    """Why coverage errors are large, where that is known.
+
+    Attributes:
+        notes: Sentences for the report.
+        kept_off: Numbers of the classes that much larger bodies of others keep off part of the ground.
+    """
+
+    notes: list[str]
+    kept_off: list[int]
+
+
+def explain_errors(
     placement: Placement, area: np.ndarray, errors: Sequence[float], excess: Callable[[int], float]
-) -> list[str]:
+) -> ErrorsExplained:
     """Say why coverage errors are large, where that is known.
 
     Args:
@@ -37,21 +51,21 @@ def notes_on_errors(
         if errors[k] > UNEVEN and (part := excess(k)) > MOSTLY * errors[k]:
             left[k], made[k] = 0.0, part
     notes = notes_on_areas(area, placement.class_index, left)
-    balance = placement.problem.balance
+    balance, kept_off = placement.problem.balance, []
     if balance.class_separation > 0.0 or placement.problem.avoid_overlap:
         mixed = balance.class_separation > (
             USUAL.class_separation if balance.rare_emphasis >= USUAL.rare_emphasis else 0.0
         )
         apart = balance.classes_apart
         apart = np.ones((len(classes), len(classes)), bool) if apart is None else apart
-        names = [c.name for c in classes]
-        notes += notes_on_larger_classes(area, placement.class_index, left, names, apart, mixed=mixed)
+        kept_off = classes_kept_off(area, placement.class_index, left, apart)
+        notes += notes_on_larger_classes([classes[k].name for k in kept_off], mixed=mixed)
     if made:
         most = max(made, key=made.__getitem__)
         of_class = f' of class "{classes[most].name}"' if len(classes) > 1 else ""
         said = f"fixed bodies{of_class} are more than the density asks for where they are, which alone makes a coverage error of "
         notes.append(Note(f"{said}{math.floor(100.0 * made[most]) / 100.0:.2f}", NoteKind.ERROR_OF_FEW))
-    return notes
+    return ErrorsExplained(notes, kept_off)
 
 
 def notes_on_areas(area: np.ndarray, class_index: np.ndarray, errors: Sequence[float]) -> list[str]:
@@ -75,16 +89,10 @@ def notes_on_areas(area: np.ndarray, class_index: np.ndarray, errors: Sequence[f
     return []
 
 
-def notes_on_larger_classes(
-    area: np.ndarray,
-    class_index: np.ndarray,
-    errors: Sequence[float],
-    names: Sequence[str],
-    apart: np.ndarray,
-    *,
-    mixed: bool,
-) -> list[str]:
-    """Say which classes are kept off a part of the ground by much larger bodies of others, which counts as uneven.
+def classes_kept_off(
+    area: np.ndarray, class_index: np.ndarray, errors: Sequence[float], apart: np.ndarray
+) -> list[int]:
+    """Return which classes are kept off a part of the ground by much larger bodies of others, which counts as uneven.
 
     These cover it; and all classes together are even where every body has ground in proportion to its area, so the more classes are
     mixed, the farther grass keeps from trees.
@@ -93,9 +101,7 @@ def notes_on_larger_classes(
         area: Footprints of the bodies [m²], shape ``[n]``.
         class_index: Their classes, shape ``[n]``.
         errors: Coverage errors of the classes.
-        names: Of the classes.
         apart: Which classes keep apart, shape ``[class_count, class_count]``, bool.
-        mixed: Whether classes are mixed more than they are unless it is asked for, so that less of it helps.
     """
     if max(errors) <= UNEVEN:
         return []
@@ -105,10 +111,20 @@ def notes_on_larger_classes(
     for k in np.flatnonzero(np.greater(errors, UNEVEN) & ~_coarse(*sums)).tolist():
         with_larger = (np.arange(len(errors)) == k) | ((mean > mean[k]) & apart[k])
         if _coarse(*(one[with_larger].sum() for one in sums)):
-            found.append(names[k])
-    if not found:
+            found.append(k)
+    return found
+
+
+def notes_on_larger_classes(names: Sequence[str], *, mixed: bool) -> list[str]:
+    """Say which classes are kept off a part of the ground.
+
+    Args:
+        names: Of the :func:`classes_kept_off`.
+        mixed: Whether classes are mixed more than they are unless it is asked for, so that less of it helps.
+    """
+    if not names:
         return []
-    said = ", ".join(f'"{name}"' for name in found[:3]) + (" and others" if len(found) > 3 else "")
+    said = ", ".join(f'"{name}"' for name in names[:3]) + (" and others" if len(names) > 3 else "")
     text = f"much larger bodies of other classes keep {said} off part of the ground, which counts as uneven"
     if mixed:
         text += "; a lower `class_separation` lets them closer"

@@ -25,7 +25,7 @@ from ..space.asked_counts import share_in_use
 from ..space.support import images_for_kernels
 from . import kernels_spacing
 from .coverage import Coverage
-from .errors_of_few import notes_on_errors
+from .errors_of_few import explain_errors
 from .measured_bodies import MeasuredBodies, measured_bodies
 from .out_of_place import OutOfPlace, out_of_place
 from .overlaps import Overlaps, overlaps_of, overlaps_of_fixed, overlaps_of_fixed_on_surface
@@ -74,7 +74,8 @@ def measure(placement: Placement, launcher: Launcher, heat: HeatMeshes | None = 
     spacing = measure_spacing(bodies, _number_density(bodies, problem.classes))
     overlaps = _overlaps(placement, launcher, footprints, bodies, spacing)
     notes = [note for c in problem.classes for note in c.notes]
-    notes += notes_on_errors(placement, area, errors, lambda k: coverage.excess(placement.fixed, [targets[k]], k))
+    explained = explain_errors(placement, area, errors, lambda k: coverage.excess(placement.fixed, [targets[k]], k))
+    notes += explained.notes
     notes += _notes_on_overlaps(problem, overlaps, covered)
     notes += _notes_on_places(problem, misplaced := out_of_place(placement, launcher, footprints))
     of_fixed = Overlaps(0)
@@ -108,7 +109,7 @@ def measure(placement: Placement, launcher: Launcher, heat: HeatMeshes | None = 
         farthest_beyond_border=misplaced.farthest,
         fixed_overlaps=of_fixed.count,
         covered=covered,
-        classes=_class_reports(placement, errors, apart),
+        classes=_class_reports(placement, errors, explained.kept_off, apart),
         notes=tuple(notes),
     )
 
@@ -137,7 +138,8 @@ def _report_on_surface(placement: Placement, launcher: Launcher, heat: HeatMeshe
         notes.append(INWARDS)
     if isinstance(surface, Surface) and surface.repeated:
         notes.append(REPEATED)
-    notes += notes_on_errors(placement, placement.area, found.errors, found.excess)
+    explained = explain_errors(placement, placement.area, found.errors, found.excess)
+    notes += explained.notes
     overlaps = found.overlaps
     notes += _notes_on_overlaps(placement.problem, overlaps, found.covered)
     misplaced = out_of_place_on_surface(placement, launcher)
@@ -166,7 +168,7 @@ def _report_on_surface(placement: Placement, launcher: Launcher, heat: HeatMeshe
         deepest_in_obstacle=misplaced.deepest,
         fixed_overlaps=of_fixed.count,
         covered=found.covered,
-        classes=_class_reports(placement, found.errors),
+        classes=_class_reports(placement, found.errors, explained.kept_off),
         notes=tuple(notes),
     )
 
@@ -259,7 +261,7 @@ def _covers(body_class: PreparedClass) -> bool:
 
 
 def _class_reports(
-    placement: Placement, errors: list[float], apart: Sequence[Spacing | None] = ()
+    placement: Placement, errors: list[float], kept_off: Sequence[int], apart: Sequence[Spacing | None] = ()
 ) -> tuple[ClassReport, ...]:
     problem, class_index, size_index = placement.problem, placement.class_index, placement.size_index
     return tuple(
@@ -271,6 +273,7 @@ def _class_reports(
                 for number, (s, placed) in enumerate(zip(c.sizes, _placed(size_index[of_class]), strict=True))
             ),
             *_of_spacing(apart[i] if apart else None),
+            kept_off=i in kept_off,
         )
         for i, (c, of_class) in enumerate(
             zip(problem.classes, _bodies_by_class(class_index, len(problem.classes)), strict=True)

@@ -91,20 +91,23 @@ def unevenness(report: dict[str, Any]) -> float:
 def evenness(report: dict[str, Any]) -> str:
     """Return how even a placement is, and where it is not: "uneven: Pine"; empty for a handful of bodies, and where no figure tells.
 
-    See :func:`unevenness`.
+    Classes that larger bodies keep off part of their ground are not counted among the uneven ones. See :func:`unevenness`.
     """
     if placed(report) < FEWEST:
         return ""
-    if NoteKind.AROUND_LARGER in _kinds(report):
-        # Then all of them together may be even, which says nothing of the small ones.
+    kept_off = NoteKind.AROUND_LARGER in _kinds(report)
+    counted = [entry for entry in report["classes"] if not entry.get("kept_off", False)]
+    if kept_off and (not counted or len(counted) == len(report["classes"])):
+        # Reports of files that were saved by earlier versions do not say which are.
         return ""
     meant = report.get(CLUMPED, False) or NoteKind.ERROR_OF_FEW in _kinds(report)
-    word = evenness_word(unevenness(report))
-    if word == "uneven" and meant:
-        return ""
-    if word != "uneven" or len(report["classes"]) == 1:
-        return word
-    uneven = [entry["name"] for entry in report["classes"] if entry["coverage_error"] > EVEN]
+    word = evenness_word(unevenness({**report, "classes": counted}))
+    if word != "uneven":
+        # That the others are even, or all of them together, says nothing of those that are kept off.
+        return "" if kept_off else word
+    if meant or len(report["classes"]) == 1:
+        return "" if meant else word
+    uneven = [entry["name"] for entry in counted if entry["coverage_error"] > EVEN]
     return f"uneven: {', '.join(uneven[:3])}" + (" and others" if len(uneven) > 3 else "")
 
 

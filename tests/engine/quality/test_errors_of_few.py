@@ -28,6 +28,7 @@ def test_small_bodies_that_large_ones_keep_off_are_named_and_what_lets_them_clos
     assert len(found) == said
     if said:
         assert '"disc"' in found[0] and '"plate"' not in found[0] and ("lower" in found[0]) == closer
+    assert {entry.name for entry in placement.report.classes if entry.kept_off} == ({"disc"} if said else set())
     error = {entry["name"]: entry["coverage_error"] for entry in placement.report.to_dict()["classes"]}["disc"]
     # What the plates cover is not free; and where classes are mixed wholly, nor is what is theirs around it.
     assert (error > 0.15) == said and (error > 0.5) == closer
