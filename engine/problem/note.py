@@ -19,6 +19,8 @@ class NoteKind(StrEnum):
     ERROR_OF_FEW = "unequal areas"
     # Which classes leave room around much larger bodies of others, so that their coverage errors are large.
     AROUND_LARGER = "around larger"
+    # The coverage error of all bodies together is large because areas differ, while those of the classes are small.
+    ALL_TOGETHER = "all together"
 
 
 class Note(str):

@@ -12,7 +12,14 @@ from ..problem.balance import Balance
 from ..problem.note import Note, NoteKind
 from ..problem.placement import Placement
 
-__all__ = ["ErrorsExplained", "classes_kept_off", "explain_errors", "notes_on_areas", "notes_on_larger_classes"]
+__all__ = [
+    "ErrorsExplained",
+    "classes_kept_off",
+    "explain_errors",
+    "notes_on_all_together",
+    "notes_on_areas",
+    "notes_on_larger_classes",
+]
 
 # Coverage errors above which somebody asks why; and how many times more bodies there are than equal ones that would be as coarse.
 UNEVEN, MOST_OF_FEW = 0.15, 4.0
@@ -36,7 +43,7 @@ class ErrorsExplained:
 
 
 def explain_errors(
-    placement: Placement, area: np.ndarray, errors: Sequence[float], excess: Callable[[int], float]
+    placement: Placement, area: np.ndarray, errors: Sequence[float], whole: float, excess: Callable[[int], float]
 ) -> ErrorsExplained:
     """Say why coverage errors are large, where that is known.
 
@@ -44,6 +51,7 @@ def explain_errors(
         placement: What was placed.
         area: Footprints of its bodies [m²], shape ``[n]``.
         errors: Coverage errors of the classes.
+        whole: Coverage error of all bodies together.
         excess: Returns which part of that of a class is made where fixed bodies are more than its density asks for.
     """
     left, made, classes = list(errors), {}, placement.problem.classes
@@ -60,6 +68,7 @@ def explain_errors(
         apart = np.ones((len(classes), len(classes)), bool) if apart is None else apart
         kept_off = classes_kept_off(area, placement.class_index, left, apart)
         notes += notes_on_larger_classes([classes[k].name for k in kept_off], mixed=mixed)
+    notes += notes_on_all_together(area, [error for k, error in enumerate(errors) if k not in kept_off], whole)
     if made:
         most = max(made, key=made.__getitem__)
         of_class = f' of class "{classes[most].name}"' if len(classes) > 1 else ""
@@ -129,6 +138,25 @@ def notes_on_larger_classes(names: Sequence[str], *, mixed: bool) -> list[str]:
     if mixed:
         text += "; a lower `class_separation` lets them closer"
     return [Note(text, NoteKind.AROUND_LARGER)]
+
+
+def notes_on_all_together(area: np.ndarray, errors: Sequence[float], whole: float) -> list[str]:
+    """Say where the coverage error of all bodies together is large only because areas differ by very much.
+
+    Args:
+        area: Footprints of the bodies [m²], shape ``[n]``.
+        errors: Coverage errors of the classes, without those that are :func:`classes_kept_off`.
+        whole: Coverage error of all bodies together.
+    """
+    if whole <= UNEVEN or max(errors, default=0.0) > UNEVEN:
+        return []
+    if not _coarse(*(one[0] for one in _summed(area, np.zeros(len(area), np.int32), 1))):
+        return []
+    text = (
+        "the coverage error of all bodies together is large because large bodies keep more distance than small ones; "
+        "judge each class by its own"
+    )
+    return [Note(text, NoteKind.ALL_TOGETHER)]
 
 
 def _summed(area: np.ndarray, class_index: np.ndarray, classes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

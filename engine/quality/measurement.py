@@ -25,7 +25,7 @@ from ..space.asked_counts import share_in_use
 from ..space.support import images_for_kernels
 from . import kernels_spacing
 from .coverage import Coverage
-from .errors_of_few import explain_errors
+from .errors_of_few import ErrorsExplained, explain_errors
 from .measured_bodies import MeasuredBodies, measured_bodies
 from .out_of_place import OutOfPlace, out_of_place
 from .overlaps import Overlaps, overlaps_of, overlaps_of_fixed, overlaps_of_fixed_on_surface
@@ -52,18 +52,14 @@ def measure(placement: Placement, launcher: Launcher, heat: HeatMeshes | None = 
     Returns:
         The report of a run without steps; whoever ran them adds steps, seconds and whether they converged.
     """
-    problem, domain, class_index = placement.problem, placement.problem.domain, placement.class_index
+    problem, domain = placement.problem, placement.problem.domain
     if isinstance(domain, Surface):
         return _report_on_surface(placement, launcher, heat)
     area = problem.areas_as_outlined(problem.shared_areas(), placement.variant, placement.scale)
     has_lines = any(size.line is not None for c in problem.classes for size in c.sizes) and placement.width.any()
     axes = (placement.angle, placement.length) if has_lines else ()
     bodies = measured_bodies(launcher, domain, placement.position, *axes)
-    coverage = Coverage(bodies, area, class_index)
-    charges = [sum((s.count or 0) * s.mean_area for s in c.sizes) for c in problem.classes]
-    targets = [(c.density_image, charge) for c, charge in zip(problem.classes, charges, strict=True)]
-    errors = [coverage.error([target], one) for one, target in enumerate(targets)]
-    whole = coverage.error(targets) if len(errors) > 1 else errors[0]
+    errors, whole, explained = _coverage_errors(placement, bodies, area)
     # Of what leans with the ground, as it is seen from above; outlines may be scaled and have another area than their bodies.
     footprints = footprints_of_placement(placement)
     seen = one_by_one(np.multiply, area, footprints.seen)
@@ -73,9 +69,7 @@ def measure(placement: Placement, launcher: Launcher, heat: HeatMeshes | None = 
     covered = float(seen.sum() / (domain.area * share_in_use(problem)))
     spacing = measure_spacing(bodies, _number_density(bodies, problem.classes))
     overlaps = _overlaps(placement, launcher, footprints, bodies, spacing)
-    notes = [note for c in problem.classes for note in c.notes]
-    explained = explain_errors(placement, area, errors, lambda k: coverage.excess(placement.fixed, [targets[k]], k))
-    notes += explained.notes
+    notes = [note for c in problem.classes for note in c.notes] + explained.notes
     notes += _notes_on_overlaps(problem, overlaps, covered)
     notes += _notes_on_places(problem, misplaced := out_of_place(placement, launcher, footprints))
     of_fixed = Overlaps(0)
@@ -114,6 +108,22 @@ def measure(placement: Placement, launcher: Launcher, heat: HeatMeshes | None = 
     )
 
 
+def _coverage_errors(
+    placement: Placement, bodies: MeasuredBodies, area: np.ndarray
+) -> tuple[list[float], float, ErrorsExplained]:
+    """Coverage errors of the classes and of all bodies together, and why they are large."""
+    coverage, classes = Coverage(bodies, area, placement.class_index), placement.problem.classes
+    charges = [sum((s.count or 0) * s.mean_area for s in c.sizes) for c in classes]
+    targets = [(c.density_image, charge) for c, charge in zip(classes, charges, strict=True)]
+    errors = [coverage.error([target], one) for one, target in enumerate(targets)]
+    whole = coverage.error(targets) if len(errors) > 1 else errors[0]
+
+    def excess(k: int) -> float:
+        return coverage.excess(placement.fixed, [targets[k]], k)
+
+    return errors, whole, explain_errors(placement, area, errors, whole, excess)
+
+
 def _overlaps(
     placement: Placement,
     launcher: Launcher,
@@ -138,7 +148,7 @@ def _report_on_surface(placement: Placement, launcher: Launcher, heat: HeatMeshe
         notes.append(INWARDS)
     if isinstance(surface, Surface) and surface.repeated:
         notes.append(REPEATED)
-    explained = explain_errors(placement, placement.area, found.errors, found.excess)
+    explained = explain_errors(placement, placement.area, found.errors, found.whole, found.excess)
     notes += explained.notes
     overlaps = found.overlaps
     notes += _notes_on_overlaps(placement.problem, overlaps, found.covered)

@@ -207,7 +207,12 @@ def notes(report: dict[str, Any], *, foreseen: bool = False) -> list[str]:
     Where it is ``foreseen`` how much ground footprints take, and said below the button, that is not said again.
     """
     # How many overlap, and how deep, has a line of its own; and no coverage errors are shown that would have to be explained.
-    elsewhere = {NoteKind.OVERLAPS, NoteKind.ERROR_OF_FEW, *([NoteKind.COVER] if foreseen else [])}
+    elsewhere = {
+        NoteKind.OVERLAPS,
+        NoteKind.ERROR_OF_FEW,
+        NoteKind.ALL_TOGETHER,
+        *([NoteKind.COVER] if foreseen else []),
+    }
     told = zip(report["notes"], _kinds(report), strict=True)
     found = [_in_blender(note) for note, kind in told if kind not in elsewhere]
     # Where many overlap there is no room to be even in.

@@ -90,6 +90,9 @@ def test_where_the_figure_tells_of_large_objects_only_nothing_is_called_uneven()
     told = report(error=0.3, alone=0.3, converged=False, notes=found)
     assert words.notes(told) == [] and words.summary(told) == "1,042 placed · no overlap · 0.8 s"
     assert words.evenness(report(error=0.1, alone=0.3, notes=found)) == "even"
+    # Of all together the sidebar shows no figure that would have to be explained.
+    together = report(error=1.9, notes=[Note("it is large because ...", NoteKind.ALL_TOGETHER)])
+    assert words.notes(together) == [] and words.evenness(together) == "very even"
 
 
 def test_grass_that_trees_keep_off_is_not_uneven_and_it_is_said_what_helps():

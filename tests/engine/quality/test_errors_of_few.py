@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from esh import Balance, BodyClass, Domain, Problem, Size, Surface, SurfaceMesh, solve
 from esh.engine.problem.note import NoteKind, kind_of
+from esh.engine.quality.errors_of_few import notes_on_all_together
 
 
 def ground(kind):
@@ -32,3 +33,28 @@ def test_small_bodies_that_large_ones_keep_off_are_named_and_what_lets_them_clos
     error = {entry["name"]: entry["coverage_error"] for entry in placement.report.to_dict()["classes"]}["disc"]
     # What the plates cover is not free; and where classes are mixed wholly, nor is what is theirs around it.
     assert (error > 0.15) == said and (error > 0.5) == closer
+
+
+@pytest.mark.parametrize("kind", ["plane", "surface"])
+@pytest.mark.parametrize(
+    ("areas", "counts", "said"),
+    [((0.15, 0.0002), (10, 1500), True), ((0.002, 0.0002), (500, 600), False)],
+    ids=["large ones among small ones", "less different"],
+)
+def test_it_is_said_why_all_bodies_together_have_a_large_error_where_no_class_has(kind, areas, counts, said):
+    names = ("plate", "disc")
+    classes = [BodyClass(n, [Size("s", area, count)]) for n, area, count in zip(names, areas, counts, strict=True)]
+    report = solve(Problem(ground(kind), classes), max_steps=60, device="cpu").report
+    found = [note for note in report.notes if kind_of(note) == NoteKind.ALL_TOGETHER]
+    assert len(found) == said
+    if said:
+        assert report.coverage_error > 0.5 and found[0] in str(report).splitlines()
+        assert all(entry.coverage_error < 0.15 for entry in report.classes)
+
+
+def test_all_together_are_no_matter_of_one_class_alone_nor_of_equal_bodies():
+    large_and_small = np.repeat([1.0, 1e-3], [20, 3000])
+    assert len(notes_on_all_together(large_and_small, [0.01, 0.02], 1.9)) == 1
+    assert notes_on_all_together(large_and_small, [1.9], 1.9) == []
+    assert notes_on_all_together(large_and_small, [0.01, 0.3], 1.9) == []
+    assert notes_on_all_together(np.ones(3020), [0.01, 0.02], 1.9) == []
