@@ -21,6 +21,8 @@ class NoteKind(StrEnum):
     AROUND_LARGER = "around larger"
     # The coverage error of all bodies together is large because areas differ, while those of the classes are small.
     ALL_TOGETHER = "all together"
+    # A setting does nothing because of what another one is.
+    IGNORED = "ignored"
 
 
 class Note(str):

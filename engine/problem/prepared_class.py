@@ -19,6 +19,7 @@ from .clearance import PIXELS_PER_SPACING, clearance, mask_shape
 from .density_correction import correct_density
 from .domain import Domain
 from .image_filters import unsharp_mask
+from .note import Note, NoteKind
 from .obstacles import Obstacle
 from .outlines_on_surface import OutlinesOnSurface
 from .packing import packable_share, scale_to_fit, share_inside
@@ -52,7 +53,7 @@ class PreparedDensity(NamedTuple):
 
     Attributes:
         image: Shape ``[height, width]``, float32 (``[1, 1]`` when it is uniform).
-        notes: Sentences for the report on what happened to it.
+        notes: Sentences for the report on what happened to it, and on settings that did nothing.
     """
 
     image: np.ndarray
@@ -69,7 +70,7 @@ class PreparedClass(PlacingSettings):
         name: Unique within the problem.
         sizes: Every one with its whole count.
         density_image: The density that bodies follow, shape ``[height, width]``, float32 (``[1, 1]`` when it is uniform).
-        notes: Sentences for the report on what happened to the density.
+        notes: Sentences for the report on what happened to the density, and on settings that did nothing.
         asked: What it was made from; None where more than that went into it, such as the slopes of a surface.
         share: What a count of ``"cover"`` means of what the density adds up to; below 1 where several such classes share the ground.
         most: Largest density that is followed on a surface, where it is a share of the ground to cover.
@@ -410,7 +411,15 @@ def prepare_density(body_class: BodyClass) -> PreparedDensity:
         image = np.minimum(image, np.float32(1.0))
     if body_class.density_correction:
         image = correct_density(image, f"`density` of {where}").astype(np.float32)
-    return PreparedDensity(image, notes)
+    return PreparedDensity(image, notes + _notes_on_clumps(body_class))
+
+
+def _notes_on_clumps(body_class: BodyClass) -> tuple[str, ...]:
+    """Say that a size of clumps does nothing where there are none."""
+    if body_class.clump_size == 0.0 or body_class.clustering > 0.0:
+        return ()
+    text = f'`clump_size` of class "{body_class.name}" does nothing: there are no clumps while its `clustering` is 0'
+    return (Note(text, NoteKind.IGNORED),)
 
 
 def _sharpened(image: np.ndarray, body_class: BodyClass, where: str) -> tuple[np.ndarray, tuple[str, ...]]:

@@ -141,7 +141,8 @@ class ESH_PT_density_more(_ClassSubPanel, bpy.types.Panel):
         elif body_class.direction_kind == "ATTRIBUTE":
             draw_property(context, column, body_class, "direction_attribute")
         column.separator()
-        draw_settings(context, column, body_class, ClassSettings, (*KEPT_APART, "look_at"))
+        without_clumps = () if body_class.clustering > 0.0 else ("clump_size",)
+        draw_settings(context, column, body_class, ClassSettings, (*KEPT_APART, "look_at", *without_clumps))
 
 
 class ESH_PT_overlap(_ClassSubPanel, bpy.types.Panel):

@@ -815,6 +815,13 @@ def test_only_lines_have_a_width():
     assert "width" in draw_all()
 
 
+def test_only_clumps_have_a_size():
+    body_class = ready_scatter().active_class
+    assert "clustering" in draw_all() and "clump_size" not in draw_all()
+    body_class.clustering = 0.2
+    assert "clump_size" in draw_all()
+
+
 def test_a_result_that_another_scene_shows_too_is_not_said_to_be_gone():
     ready_scatter()
     first = bpy.context.scene
@@ -872,6 +879,8 @@ def test_every_setting_of_the_sidebar_is_drawn():
         for shown in shown_settings(cls, by_hand)
     }
     # With both kinds of target, each shows what is chosen from its mesh.
+    # And only clumps have a size.
+    body_class.clustering = 0.5
     holder = bpy.data.collections.new("Grounds")
     holder.objects.link(scatter.target)
     scatter.target_collection = holder

@@ -92,6 +92,7 @@ def test_where_the_figure_tells_of_large_objects_only_nothing_is_called_uneven()
     assert words.evenness(report(error=0.1, alone=0.3, notes=found)) == "even"
     # Of all together the sidebar shows no figure that would have to be explained.
     together = report(error=1.9, notes=[Note("it is large because ...", NoteKind.ALL_TOGETHER)])
+    assert words.notes(report(notes=[Note("it does nothing", NoteKind.IGNORED)])) == [], "nor what does nothing"
     assert words.notes(together) == [] and words.evenness(together) == "very even"
 
 

@@ -5,6 +5,7 @@ import time
 import numpy as np
 import pytest
 from esh import BodyClass, Domain, Obstacle, Problem, ProblemError, Size, Solver, Surface, SurfaceMesh, solve
+from esh.engine.problem.note import NoteKind, kind_of
 from esh.engine.problem.wave_filter import filter_waves
 from esh.engine.quality.coverage import coverage_error
 from scipy.ndimage import gaussian_filter
@@ -256,3 +257,14 @@ def test_what_goes_on_as_in_mirrors_is_filtered_by_cosines_as_by_fourier_transfo
     whole = np.pad(kept, ((0, 1), (0, 1)), mode="edge")[rows][:, columns]
     expected = np.fft.ifft2(np.fft.fft2(mirrored) * whole).real[: shape[0], : shape[1]]
     np.testing.assert_allclose(filter_waves(values, kept, wraps=False), expected, atol=1e-12)
+
+
+def test_it_is_said_that_a_size_of_clumps_does_nothing_where_there_are_none():
+    ground = Surface(SurfaceMesh(np.array([(0.0, 0, 0), (40, 0, 0), (0, 40, 0)]), np.array([(0, 1, 2)])))
+    for domain in (SQUARE, ground):
+        placement = solve(problem_of(0.0, 3.0, count=20, domain=domain), max_steps=5, device="cpu")
+        told = [note for note in placement.report.notes if "clump_size" in note]
+        assert told == ['`clump_size` of class "a" does nothing: there are no clumps while its `clustering` is 0']
+        assert kind_of(told[0]) == NoteKind.IGNORED
+    for problem in (problem_of(0.5, 3.0), problem_of(0.5), problem_of(0.0)):
+        assert problem.classes[0].notes == ()
