@@ -16,6 +16,7 @@ from .errors import ProblemError
 from .problem.domain import Domain
 from .problem.placement import Placement
 from .problem.problem import Problem
+from .problem.settings import belongs_to
 from .problem.validation import check_count, check_is, check_progress, show
 from .quality.measurement import measure
 from .solver.progress import Progress, is_stop
@@ -30,6 +31,7 @@ MOST_PARTED_AFTER_STOP = 30_000
 MOMENT = 0.1
 
 
+@belongs_to("problem")
 def solve(
     problem: Problem,
     *,

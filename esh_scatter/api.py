@@ -15,7 +15,7 @@ from ..engine.errors import EshError
 from ..engine.problem.body_class import Unsharp
 from ..engine.problem.line import Line
 from ..engine.problem.scatter_settings import ScatterSettings, Standing
-from ..engine.problem.settings import takes
+from ..engine.problem.settings import belongs_to, takes
 from ..engine.problem.validation import check_progress
 from ..engine.solver.progress import Progress
 from .classes.amount import Amount
@@ -71,6 +71,7 @@ __all__ = [
 ]
 
 
+@belongs_to("scatter")
 @takes(ScatterSettings)
 def scatter(
     target: Target,

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from . import validation
-from .settings import Settings, described, setting
+from .settings import Settings, belongs_to, described, setting
 
 __all__ = ["Balance"]
 
@@ -31,6 +31,7 @@ MOST_RAISED = 1e6
 SHARED_POWER = 0.7
 
 
+@belongs_to("problem")
 @described
 @dataclass(frozen=True, eq=False)
 class Balance(Settings):

@@ -13,13 +13,14 @@ import numpy as np
 from ..errors import ProblemError, Reason, Refusal
 from . import validation
 from .look_at import LookAt
-from .settings import Settings, described, setting, settle
+from .settings import Settings, belongs_to, described, setting, settle
 from .size import Size
 from .surface_density import SurfaceDensity, check_density
 
 __all__ = ["BodyClass", "ClassSettings", "PlacingSettings", "Unsharp"]
 
 
+@belongs_to("problem", "scatter")
 @described
 @dataclass(frozen=True)
 class Unsharp(Settings):
@@ -134,6 +135,7 @@ class ClassSettings(PlacingSettings):
     )
 
 
+@belongs_to("problem")
 @described
 @dataclass(frozen=True, eq=False)
 class BodyClass(ClassSettings):

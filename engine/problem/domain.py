@@ -6,12 +6,13 @@ from dataclasses import dataclass, field
 
 from ..errors import ProblemError
 from . import validation
-from .settings import Choice, Settings, described, setting
+from .settings import Choice, Settings, belongs_to, described, setting
 from .validation import Boundary
 
 __all__ = ["Domain"]
 
 
+@belongs_to("problem")
 @described
 @dataclass(frozen=True)
 class Domain(Settings):

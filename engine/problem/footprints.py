@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import ProblemError
 from . import validation
 from .footprint import Footprint
-from .settings import Settings, described, setting
+from .settings import Settings, belongs_to, described, setting
 from .validation import FOREIGN_ERRORS, show
 
 __all__ = ["DrawnFootprints", "Footprints", "checked_footprints"]
@@ -119,6 +119,7 @@ def _check_slope(value: object, key: str) -> np.ndarray:
     return _kept(slope)
 
 
+@belongs_to("problem")
 @described
 @dataclass(frozen=True, eq=False)
 class Footprints(Settings):

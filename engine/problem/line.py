@@ -14,7 +14,7 @@ import numpy as np
 
 from . import validation
 from .body_kind import disc_radius
-from .settings import Settings, described, setting
+from .settings import Settings, belongs_to, described, setting
 
 __all__ = ["Line"]
 
@@ -26,6 +26,7 @@ def _check_direction(value: object, key: str) -> str | float | np.ndarray | Call
     return validation.check_direction(value, key)
 
 
+@belongs_to("problem", "scatter")
 @described
 @dataclass(frozen=True, eq=False)
 class Line(Settings):

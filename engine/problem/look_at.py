@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .random_numbers import random_shares
-from .settings import Choice, Settings, described, setting
+from .settings import Choice, Settings, belongs_to, described, setting
 from .validation import LARGEST_LENGTH
 
 __all__ = ["FRONTS", "LookAt", "aside", "facing", "facing_on_surface"]
@@ -20,6 +20,7 @@ __all__ = ["FRONTS", "LookAt", "aside", "facing", "facing_on_surface"]
 FRONTS = {"-y": -0.5 * math.pi, "y": 0.5 * math.pi, "x": 0.0, "-x": math.pi}
 
 
+@belongs_to("problem", "scatter")
 @described
 @dataclass(frozen=True)
 class LookAt(Settings):

@@ -32,7 +32,7 @@ from .of_bodies import of_bodies
 from .outlines_of_obstacles import outlines_of_obstacles
 from .outlines_on_surface import OutlinesOnSurface
 from .prepared_class import PreparedClass, beside_counted, beside_fixed, cut_out, cut_out_on_surface, prepare_all
-from .settings import Settings, described, setting, settle, takes, values_of, with_changes
+from .settings import Settings, belongs_to, described, setting, settle, takes, values_of, with_changes
 from .size import with_count
 from .surface import Surface
 from .validation import show
@@ -82,6 +82,7 @@ class ProblemSettings(SamplingSettings):
     )
 
 
+@belongs_to("problem")
 @takes(ProblemSettings)
 @dataclass(frozen=True, eq=False, init=False)
 class Problem(ProblemSettings):
@@ -120,7 +121,7 @@ class Problem(ProblemSettings):
         obstacles: Sequence[Obstacle] = (),
         **changes: Any,
     ) -> None:
-        settings = with_changes(ProblemSettings(), changes, ("balance", "fixed", "obstacles"))
+        settings = with_changes(ProblemSettings(), changes, ("balance", "fixed", "obstacles"), "problem")
         balance = Balance() if balance is None else balance
         if not isinstance(domain, Domain | Surface):
             raise ProblemError(f"`domain` must be a Domain or a Surface; got {show(domain)}")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from .balance import Balance
 from .problem import SamplingSettings
-from .settings import Choice, Settings, as_given, described, same_setting, setting
+from .settings import Choice, Settings, as_given, belongs_to, described, same_setting, setting
 from .validation import LARGEST_ANGLE, LARGEST_LENGTH, Boundary
 
 __all__ = ["BorderSettings", "RunSettings", "ScatterSettings", "Standing", "TargetSettings"]
@@ -220,6 +220,7 @@ class BorderSettings(Settings):
     )
 
 
+@belongs_to("scatter")
 @described
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ScatterSettings(BorderSettings, TargetSettings, Standing, RunSettings, SamplingSettings, Balance):

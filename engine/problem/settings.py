@@ -7,6 +7,7 @@ docstrings of the dataclasses, the arguments of ``scatter``, the keys of recipes
 from __future__ import annotations
 
 import dataclasses
+import functools
 import inspect
 import math
 import textwrap
@@ -24,6 +25,7 @@ __all__ = [
     "Setting",
     "Settings",
     "as_given",
+    "belongs_to",
     "described",
     "explained",
     "same_setting",
@@ -43,6 +45,24 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 # Width of the lines of generated docstrings.
 LINE = 120
+# What is called for one purpose, with settings that are easily given to another of them. The first ones are named first.
+TOGETHER = {
+    "problem": (
+        "Problem",
+        "solve",
+        "BodyClass",
+        "Size",
+        "Domain",
+        "Balance",
+        "Unsharp",
+        "Line",
+        "LookAt",
+        "Footprints",
+    ),
+    "scatter": ("scatter", "ScatterClass", "ScatterSize", "Amount", "Unsharp", "Line", "LookAt", "ScatterObstacle"),
+}
+# The names of the settings of those that are loaded.
+_loaded: dict[str, tuple[str, ...]] = {}
 
 
 class Choice(NamedTuple):
@@ -190,13 +210,50 @@ def values_of(source: object, cls: Any) -> dict[str, Any]:
     return {name: getattr(source, name) for name in settings_of(cls)}
 
 
-def with_changes(settings: Group, changes: Mapping[str, Any], also: Sequence[str] = ()) -> Group:
+def belongs_to(*purposes: str) -> Callable[[Function], Function]:
+    """Have a function or class, and those that are called for the same purposes, say where a setting belongs that they do not know.
+
+    Args:
+        purposes: Keys of ``TOGETHER``.
+    """
+
+    def remember(called: Function) -> Function:
+        _loaded[called.__name__] = known = tuple(inspect.signature(called).parameters)
+        if not isinstance(called, type):
+            return called
+        made = called.__init__  # type: ignore[misc]
+        if any(one.kind is one.VAR_KEYWORD for one in inspect.signature(made).parameters.values()):
+            # Then it looks at names itself.
+            return called
+
+        @functools.wraps(made)
+        def init(self: Any, *values: Any, **given: Any) -> None:
+            for name in given:
+                if name not in known and (place := _place_of(name, purposes)):
+                    raise TypeError(f"`{name}` is not a setting of {called.__name__}; {place}")
+            made(self, *values, **given)
+
+        called.__init__ = init  # type: ignore[misc]
+        return called
+
+    return remember
+
+
+def _place_of(name: str, purposes: Sequence[str]) -> str:
+    """Return what a setting belongs to, as the end of a sentence; empty where nothing that is loaded has it."""
+    names = dict.fromkeys(one for purpose in purposes for one in TOGETHER[purpose])
+    found = [one for one in names if name in _loaded.get(one, ())]
+    return f"it belongs to {' or '.join(found[:2])}: {found[0]}(..., {name}=...)" if found else ""
+
+
+def with_changes(settings: Group, changes: Mapping[str, Any], also: Sequence[str] = (), purpose: str = "") -> Group:
     """Return the same settings but for some by name.
 
     Args:
         settings: An instance of a described dataclass.
         changes: Others by name.
         also: What else may be said by name where ``changes`` are from.
+        purpose: What that is called for: a key of ``TOGETHER``. A setting of something else is told where it belongs.
 
     Raises:
         ProblemError: A name that is none of them, or a value without meaning.
@@ -205,7 +262,8 @@ def with_changes(settings: Group, changes: Mapping[str, Any], also: Sequence[str
     known = settings_of(cls)
     for name in changes:
         if name not in known:
-            raise ProblemError(f"`{name}` is not a known setting; {nearest_name(name, (*known, *also))}")
+            place = _place_of(name, [purpose]) if purpose else ""
+            raise ProblemError(f"`{name}` is not a known setting; {place or nearest_name(name, (*known, *also))}")
     return dataclasses.replace(settings, **changes)  # type: ignore[type-var]
 
 

@@ -14,7 +14,7 @@ from .body_kind import DOT, BodyKind
 from .footprint import Footprint
 from .footprints import DrawnFootprints, Footprints, checked_footprints
 from .line import Line
-from .settings import Choice, Settings, as_given, described, setting, settle
+from .settings import Choice, Settings, as_given, belongs_to, described, setting, settle
 from .validation import show
 
 __all__ = ["ALIKE", "Size", "with_count"]
@@ -24,6 +24,7 @@ __all__ = ["ALIKE", "Size", "with_count"]
 ALIKE = 4.0
 
 
+@belongs_to("problem")
 @described
 @dataclass(frozen=True, eq=False)
 class Size(Settings):

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from ...engine.errors import ProblemError
-from ...engine.problem.settings import Settings, described, setting
+from ...engine.problem.settings import Settings, belongs_to, described, setting
 from ...engine.problem.validation import as_float, show
 
 __all__ = ["Amount"]
@@ -22,6 +22,7 @@ def _check_amount(value: object, key: str) -> float:
     return number
 
 
+@belongs_to("scatter")
 @described
 @dataclass(frozen=True)
 class Amount(Settings):

@@ -15,7 +15,7 @@ from ...engine.problem.direction_field import direction_from_rg
 from ...engine.problem.line import Line
 from ...engine.problem.look_at import LookAt
 from ...engine.problem.scatter_settings import ScatterSettings, Standing
-from ...engine.problem.settings import Settings, as_given, described, same_setting, setting, values_of
+from ...engine.problem.settings import Settings, as_given, belongs_to, described, same_setting, setting, values_of
 from ...engine.problem.size import Size
 from ...engine.problem.surface_directions import SLOPE
 from ...engine.problem.validation import as_float, check_class_count, check_count, check_direction, check_unique, show
@@ -63,6 +63,7 @@ def point_of(item: bpy.types.Object) -> tuple[float, float, float]:
     return float(x), float(y), float(z)
 
 
+@belongs_to("scatter")
 @described
 @dataclass(frozen=True, eq=False)
 class ScatterSize(Settings):
@@ -125,6 +126,7 @@ class ScatterSize(Settings):
         return "`name` of a size" if name == "name" else f'`{name}` of size "{self.name}"'
 
 
+@belongs_to("scatter")
 @described
 @dataclass(frozen=True, eq=False)
 class ScatterClass(ClassSettings):

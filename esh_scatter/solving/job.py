@@ -137,7 +137,7 @@ class ScatterJob:
         context = bpy.context
         if settings is not None and not isinstance(settings, ScatterSettings):
             raise ProblemError(f"`settings` must be ScatterSettings, or None; got {show(settings)}")
-        self.settings = with_changes(settings or ScatterSettings(), changes, ASKED_BESIDE)
+        self.settings = with_changes(settings or ScatterSettings(), changes, ASKED_BESIDE, "scatter")
         self.name = check_name(name, "`name`")
         self.device = resolve_device(self.settings.device).alias
         self._scene = Reference(context.scene, "scene")

@@ -20,7 +20,7 @@ from ...engine.problem.clumps import occupied
 from ...engine.problem.footprint import MOST_CORNERS
 from ...engine.problem.obstacles import Obstacle
 from ...engine.problem.prepared_class import PreparedClass
-from ...engine.problem.settings import Settings, described, setting
+from ...engine.problem.settings import Settings, belongs_to, described, setting
 from ...engine.problem.validation import show
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ..densities.density_source import Known
@@ -60,6 +60,7 @@ BESIDE = 0.1
 KEY = "`obstacles`"
 
 
+@belongs_to("scatter")
 @described
 @dataclass(frozen=True, eq=False)
 class ScatterObstacle(Settings):

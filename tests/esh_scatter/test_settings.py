@@ -111,6 +111,23 @@ def test_a_setting_that_is_not_known_is_a_sentence(scatter, name, said):
         esh.scatter(bpy.data.objects["Ground"], [tree], **{name: 3})
 
 
+def test_of_a_setting_of_a_class_or_a_size_that_is_given_to_the_run_it_is_said_where_it_belongs(scatter):
+    size = esh.ScatterSize("any", 4, bpy.data.objects["Tree"])
+    tree = esh.ScatterClass("tree", [size])
+    for name, place in (("gap", "ScatterClass"), ("density", "ScatterClass"), ("weights", "ScatterSize")):
+        said = rf"`{name}` is not a known setting; it belongs to {place}: {place}\(\.\.\., {name}=\.\.\.\)$"
+        with pytest.raises(esh.ProblemError, match=said):
+            esh.scatter(bpy.data.objects["Ground"], [tree], **{name: 3})
+    with pytest.raises(
+        TypeError, match=r"`max_steps` is not a setting of ScatterClass; it belongs to scatter: scatter\("
+    ):
+        esh.ScatterClass("tree", [size], max_steps=3)
+    with pytest.raises(TypeError, match=r"`gap` is not a setting of ScatterSettings; it belongs to ScatterClass: "):
+        esh.ScatterSettings(gap=3)
+    with pytest.raises(TypeError, match=r"`gap` is not a setting of ScatterSize; it belongs to ScatterClass: "):
+        esh.ScatterSize("any", 4, bpy.data.objects["Tree"], gap=3)
+
+
 def test_the_sidebar_passes_on_its_settings_and_begins_with_the_defaults_of_scripts(scatter):
     defaults, given = esh.ScatterSettings(), scatter.arguments(bpy.context.scene)[1]
     assert settings_of(ScatterSettings).keys() <= given.keys() | settings_of(Standing).keys()

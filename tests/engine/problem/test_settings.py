@@ -23,10 +23,21 @@ from esh.engine.problem.obstacles import Obstacle
 from esh.engine.problem.prepared_class import PreparedClass
 from esh.engine.problem.problem import Problem, ProblemSettings, SamplingSettings
 from esh.engine.problem.scatter_settings import BorderSettings, RunSettings, ScatterSettings, Standing, TargetSettings
-from esh.engine.problem.settings import Choice, Settings, described, setting, settings_of, takes, values_of
+from esh.engine.problem.settings import (
+    TOGETHER,
+    Choice,
+    Settings,
+    _loaded,
+    described,
+    setting,
+    settings_of,
+    takes,
+    values_of,
+)
 from esh.engine.problem.size import Size
 from esh.engine.problem.surface_density import SurfaceAttribute, SurfaceImage, SurfaceTriplanar
 from esh.engine.problem.surface_directions import SurfaceVectors
+from esh.engine.solve import solve
 
 DESCRIBED = [
     Domain,
@@ -52,6 +63,7 @@ DESCRIBED = [
     TargetSettings,
 ]
 ALL = [(cls, name) for cls in [*DESCRIBED, ScatterSettings] for name in settings_of(cls)]
+SQUARE, CLASSES = Domain((9.0, 9.0)), [BodyClass("a", [Size("s", 1.0, 3)])]
 RECIPES = (Path(__file__).parents[3] / "docs" / "recipes.md").read_text(encoding="utf-8")
 
 
@@ -176,6 +188,33 @@ def test_a_problem_is_told_its_settings_by_name_and_keeps_them():
         Problem(Domain((9.0, 9.0)), classes, sead=3)
     with pytest.raises(ProblemError, match="`regularity` must be a number between 0 and 1; got 2"):
         Problem(Domain((9.0, 9.0)), classes, regularity=2)
+
+
+@pytest.mark.parametrize(
+    ("call", "name", "error", "said"),
+    [
+        (lambda **more: Problem(SQUARE, CLASSES, **more), "gap", ProblemError, "BodyClass or Footprints: BodyClass"),
+        (lambda **more: Problem(SQUARE, CLASSES, **more), "class_separation", ProblemError, "Balance: Balance"),
+        (lambda **more: Problem(SQUARE, CLASSES, **more), "max_steps", ProblemError, "solve: solve"),
+        (lambda **more: BodyClass("a", [Size("s", 1.0, 3)], **more), "seed", TypeError, "Problem: Problem"),
+        (lambda **more: BodyClass("a", [Size("s", 1.0, 3)], **more), "area", TypeError, "Size: Size"),
+        (lambda **more: Size("s", 1.0, 3, **more), "density", TypeError, "BodyClass: BodyClass"),
+        (lambda **more: Domain((1.0, 1.0), **more), "avoid_overlap", TypeError, "Problem: Problem"),
+        (lambda **more: Balance(**more), "regularity", TypeError, "Problem: Problem"),
+    ],
+)
+def test_of_a_setting_that_belongs_elsewhere_it_is_said_where(call, name, error, said):
+    with pytest.raises(error, match=rf"`{name}` is not a .*setting.*; it belongs to {said}\(\.\.\., {name}=\.\.\.\)$"):
+        call(**{name: 3})
+
+
+def test_what_belongs_nowhere_is_refused_as_ever_and_signatures_stay():
+    with pytest.raises(TypeError, match="unexpected keyword argument 'zzz'"):
+        BodyClass("a", [Size("s", 1.0, 3)], zzz=3)
+    assert [*inspect.signature(Size).parameters][:3] == ["name", "area", "count"]
+    assert dataclasses.replace(Size("s", 1.0, 3), count=4).count == 4
+    # Every name that a sentence can hold is known by what it belongs to.
+    assert {solve.__name__, *TOGETHER["problem"]} <= _loaded.keys()
 
 
 def test_settings_of_a_scatter_are_those_of_its_parts_and_name_themselves():
