@@ -15,6 +15,7 @@ from mathutils import Vector
 from ...engine.errors import EshError
 from ..densities.density_curve import remove_curve
 from ..properties.layer import KINDS
+from ..properties.renamed_on_mesh import follow_renamed
 from ..properties.scene import selected_class, selected_scatter
 from ..result.scene_units import sentence
 from .edit import ClassEdit, MoveEntry, RemoveEntry
@@ -135,6 +136,8 @@ class ESH_OT_layer_paint(ClassEdit):
         from ..editing.painting import begin_to_paint, can_be_painted
 
         scatter, body_class = selected_scatter(context), selected_class(context)
+        # Otherwise a group that was renamed would be made anew.
+        follow_renamed(scatter)
         layer, target, selected = body_class.active_layer, scatter.first_target, body_class.layer_index
         layers_before = len(body_class.layers)
         if self.kind != "SELECTED":

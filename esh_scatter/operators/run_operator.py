@@ -10,6 +10,7 @@ from bpy.props import BoolProperty
 
 from ...engine.errors import EshError
 from ..properties.names import follow_names
+from ..properties.renamed_on_mesh import follow_renamed
 from ..properties.scatter import ESH_PG_scatter
 from ..result import words
 from ..result.real_objects import discard_real, real_objects_of
@@ -61,6 +62,7 @@ def solve_now(context: bpy.types.Context, settings: ESH_PG_scatter) -> "ScatterR
     window_manager.progress_begin(0, settings.max_steps)
     try:
         follow_names(settings)
+        follow_renamed(settings)
         positional, named = settings.arguments(context.scene)
         settings.forget_deleted_result()
         return scatter(*positional, **named, progress=lambda now: window_manager.progress_update(now.step))
@@ -77,6 +79,7 @@ def job_of(context: bpy.types.Context, settings: ESH_PG_scatter, survey: "Survey
     from ..api import ScatterJob
 
     follow_names(settings)
+    follow_renamed(settings)
     positional, named = settings.arguments(context.scene)
     job = ScatterJob(*positional, **named, prepare=False, survey=survey)
     with checksums.now():

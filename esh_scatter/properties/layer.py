@@ -28,6 +28,7 @@ from ..targets.target import NUMBERS
 from .described import shown_settings, values_from, with_properties
 from .gone import gone
 from .names import scatter_of
+from .renamed_on_mesh import keep_names_on_mesh, name_on_mesh
 
 if TYPE_CHECKING:
     from ..densities.kinds import Density
@@ -176,10 +177,15 @@ class ESH_PG_layer(PropertyGroup):
     uv_map: StringProperty(
         name="UV Map",
         description="UV map of the target. If this is empty, the one that is active for rendering is used",
+        update=keep_names_on_mesh,
     )
     vertex_group: StringProperty(
-        name="Vertex Group", description="Vertex group of the target. Its weights are the density"
+        name="Vertex Group",
+        description="Vertex group of the target. Its weights are the density",
+        update=keep_names_on_mesh,
     )
+    # What groups or maps the targets had when the chosen one was last among them.
+    names_on_mesh: StringProperty(options={"HIDDEN"})
     attribute: StringProperty(
         name="Attribute",
         description="Attribute of the target. Its values are the density and must be 0 or more",
@@ -235,7 +241,7 @@ class ESH_PG_layer(PropertyGroup):
             return self.name
         found: Any = {
             "IMAGE": self.image.name if self.image else "",
-            "VERTEX_GROUP": self.vertex_group,
+            "VERTEX_GROUP": name_on_mesh(self, "vertex_group"),
             "ATTRIBUTE": self.attribute,
             "DISTANCE": f"Near {self.source.name}" if self.source else "",
             "INSIDE": f"Inside {self.source.name}" if self.source else "",
@@ -255,10 +261,9 @@ class ESH_PG_layer(PropertyGroup):
         kind = self.kind
         if kind == "IMAGE":
             return self._image_obstacle(target)
-        if kind == "VERTEX_GROUP" and self.vertex_group not in target.vertex_groups:
+        if kind == "VERTEX_GROUP" and name_on_mesh(self, "vertex_group") not in target.vertex_groups:
             if not self.vertex_group:
                 return f'choose a vertex group of "{target.name}"'
-            # It was renamed or removed.
             return f'"{target.name}" has no vertex group "{self.vertex_group}"; choose another one'
         if kind == "ATTRIBUTE" and not self.attribute:
             return f'choose an attribute of "{target.name}"'
@@ -300,7 +305,7 @@ class ESH_PG_layer(PropertyGroup):
         if self.image_mapping == "UV":
             if not target.data.uv_layers:
                 return f'"{target.name}" has no UV map; add one, or choose From Above as its mapping'
-            if self.uv_map and self.uv_map not in target.data.uv_layers:
+            if self.uv_map and name_on_mesh(self, "uv_map") not in target.data.uv_layers:
                 return f'"{target.name}" has no UV map "{self.uv_map}"; choose another one'
         return None
 
@@ -308,10 +313,10 @@ class ESH_PG_layer(PropertyGroup):
         """Return what it reads as :func:`~esh.scatter` takes it."""
         kind = self.told
         # What was chosen for another mapping is kept, and does not count.
-        uv_map = self.uv_map if self.image_mapping == "UV" else ""
+        uv_map = name_on_mesh(self, "uv_map") if self.image_mapping == "UV" else ""
         named: dict[str, dict[str, Any]] = {
             "IMAGE": {"image": self.image, "uv_map": uv_map, "invert": self.invert},
-            "VERTEX_GROUP": {"name": self.vertex_group, "invert": self.invert},
+            "VERTEX_GROUP": {"name": name_on_mesh(self, "vertex_group"), "invert": self.invert},
             "ATTRIBUTE": {"name": self.attribute, "invert": self.invert},
             "DISTANCE": {"source": self.source},
             "INSIDE": {"source": self.source},

@@ -1,4 +1,4 @@
-"""Classes that are named after what they place follow where that is renamed."""
+"""Classes that are named after what they place follow where that is renamed, and layers follow groups and maps of the ground."""
 
 from pathlib import Path
 
@@ -151,3 +151,109 @@ def test_what_may_overlap_is_no_change_where_it_is_called_otherwise(made):
     assert not made.outdated
     made.classes["Cylinder"].may_overlap = ""
     assert made.outdated and len(made.changes()) == 1
+
+
+@pytest.fixture
+def masked(made):
+    """A scatter whose first class follows one of three vertex groups, and whose second one a UV map."""
+    ground = made.target
+    for name in ("dry", "wet", "cold"):
+        ground.vertex_groups.new(name=name).add(range(len(ground.data.vertices)), 1.0, "REPLACE")
+    ground.data.uv_layers.new(name="Fine")
+    image = bpy.data.images.new("Map", 8, 8)
+    image.generated_color = (1.0, 1.0, 1.0, 1.0)
+    made.classes[0].add_layer("VERTEX_GROUP", vertex_group="wet")
+    made.classes[1].add_layer("IMAGE", image=image, image_mapping="UV", uv_map="Fine")
+    return made
+
+
+def named_on_mesh(scatter):
+    return scatter.classes[0].layers[0].vertex_group, scatter.classes[1].layers[0].uv_map
+
+
+def test_a_vertex_group_or_a_uv_map_that_was_renamed_is_followed_by_the_sidebar(masked):
+    draw_and_wait()
+    masked.target.vertex_groups["wet"].name = "damp"
+    masked.target.data.uv_layers["Fine"].name = "Detail"
+    drawn = draw_all()
+    assert not masked.left_out() and not any("wet" in text or "left out" in text for text in drawn)
+    assert named_on_mesh(masked) == ("wet", "Fine"), "nothing is written while it is drawn"
+    assert draw_and_wait() and named_on_mesh(masked) == ("damp", "Detail") and not draw_and_wait()
+    # Again, and with others renamed at the same time.
+    masked.target.vertex_groups["cold"].name = "frozen"
+    masked.target.vertex_groups["damp"].name = "moist"
+    assert draw_and_wait() and named_on_mesh(masked) == ("moist", "Detail") and not draw_and_wait()
+
+
+def test_without_a_sidebar_the_next_run_follows_groups_and_maps_that_were_renamed(masked):
+    masked.target.vertex_groups["wet"].name = "damp"
+    masked.target.data.uv_layers["Fine"].name = "Detail"
+    assert bpy.ops.esh.scatter.poll() and len(masked.ready_classes()) == 2
+    bpy.ops.esh.scatter()
+    assert named_on_mesh(masked) == ("damp", "Detail") and len(masked.report["classes"]) == 2
+    # A group that came since the run is known from it.
+    masked.target.vertex_groups.new(name="late")
+    bpy.ops.esh.scatter()
+    masked.target.vertex_groups["damp"].name = "moist"
+    bpy.ops.esh.scatter()
+    assert named_on_mesh(masked) == ("moist", "Detail") and len(masked.report["classes"]) == 2
+
+
+@pytest.mark.parametrize("how", ["removed", "another moved up", "removed, and a new one later", "swapped in", "added"])
+def test_what_is_not_only_renamed_is_not_followed(masked, how):
+    groups = masked.target.vertex_groups
+    draw_and_wait()
+    if how == "another moved up":
+        groups.remove(groups["wet"])
+        groups.new(name="late")
+        assert [one.name for one in groups] == ["dry", "cold", "late"]
+    elif how == "swapped in":
+        groups.remove(groups["cold"])
+        groups["wet"].name = "cold"
+        groups.new(name="late")
+    elif how == "added":
+        groups["wet"].name = "damp"
+        groups.new(name="late")
+    else:
+        groups.remove(groups["cold"])
+        draw_and_wait()
+        groups.remove(groups["wet"])
+        if how != "removed":
+            draw_and_wait()
+            groups.new(name="new")
+    draw_and_wait()
+    assert named_on_mesh(masked)[0] == "wet"
+    assert masked.left_out() == ['Cone is left out: "Grid" has no vertex group "wet"; choose another one']
+
+
+def test_of_several_targets_all_have_to_call_it_the_same(masked):
+    ground = masked.target
+    other = ground.copy()
+    other.data = ground.data.copy()
+    bpy.context.scene.collection.objects.link(other)
+    grounds = bpy.data.collections.new("Grounds")
+    for item in (ground, other):
+        grounds.objects.link(item)
+    masked.target_kind, masked.target_collection = "COLLECTION", grounds
+    draw_and_wait()
+    ground.vertex_groups["wet"].name = "damp"
+    assert not draw_and_wait() or named_on_mesh(masked)[0] == "wet", "the other still has it"
+    ground.vertex_groups["damp"].name = "wet"
+    draw_and_wait()
+    for item in (ground, other):
+        item.vertex_groups["wet"].name = "damp"
+    assert draw_and_wait() and named_on_mesh(masked)[0] == "damp" and not masked.left_out()
+    # One that never had it does not count.
+    other.vertex_groups.remove(other.vertex_groups["damp"])
+    draw_and_wait()
+    ground.vertex_groups["damp"].name = "moist"
+    assert draw_and_wait() and named_on_mesh(masked)[0] == "moist" and not masked.left_out()
+
+
+def test_painting_goes_on_in_a_group_that_was_renamed(masked):
+    draw_and_wait()
+    masked.class_index = masked.classes[0].layer_index = 0
+    masked.target.vertex_groups["wet"].name = "damp"
+    bpy.ops.esh.layer_paint(kind="SELECTED")
+    assert masked.target.vertex_groups.active.name == "damp" and len(masked.target.vertex_groups) == 3
+    bpy.ops.object.mode_set(mode="OBJECT")

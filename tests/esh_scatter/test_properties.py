@@ -102,7 +102,7 @@ def test_new_classes_get_colors_of_their_own(scatter):
 
 
 def test_what_a_layer_or_the_faces_name_and_is_gone_is_named(scatter):
-    """Somebody who renames a vertex group knows then which one to look for."""
+    """What is only renamed is followed, see test_followed_names.py."""
     scene, target = bpy.context.scene, scatter.target
     scatter.classes[1].mute = True
     layer = scatter.classes[0].add_layer("VERTEX_GROUP")
@@ -112,6 +112,7 @@ def test_what_a_layer_or_the_faces_name_and_is_gone_is_named(scatter):
     layer.vertex_group = "Mask"
     assert scatter.obstacle(scene) is None
     group.name = "Other"
+    layer.vertex_group = "Mask"
     assert scatter.obstacle(scene) == f'Class "Pine": "{target.name}" has no vertex group "Mask"; choose another one'
     target.data.uv_layers.new(name="Layout")
     layer.kind, layer.image = "IMAGE", bpy.data.images.new("Where", 4, 4)
