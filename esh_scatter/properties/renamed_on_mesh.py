@@ -46,9 +46,26 @@ def follow_renamed(scatter: PropertyGroup) -> None:
     """Call vertex groups and UV maps in the layers of a scatter as they are called by now, and note what others there are."""
     for layer in _naming_layers(scatter):
         if new := _renamed(layer):
-            setattr(layer, _property_of(layer), new)
+            name = _property_of(layer)
+            _rename_in_record(scatter, name, getattr(layer, name), new)
+            setattr(layer, name, new)
         elif _is_unnoted(layer):
             keep_names_on_mesh(layer)
+
+
+def _rename_in_record(scatter: PropertyGroup, name: str, old: str, new: str) -> None:
+    """Have what the last run was made with called so, too: that is no change, and the result is no less up to date."""
+    try:
+        record = json.loads(scatter.ran_with)
+    except json.JSONDecodeError:
+        return
+    layers = [layer for one in record.get("classes", {}).values() for layer in one.get("layers", ())]
+    # Such a value is the name, and a number of what is stored under it.
+    named = [layer for layer in layers if isinstance(layer.get(name), list) and layer[name][:1] == [old]]
+    for layer in named:
+        layer[name][0] = new
+    if named:
+        scatter.ran_with = json.dumps(record, separators=(",", ":"))
 
 
 def _naming_layers(scatter: PropertyGroup) -> list[PropertyGroup]:

@@ -199,6 +199,19 @@ def test_without_a_sidebar_the_next_run_follows_groups_and_maps_that_were_rename
     assert named_on_mesh(masked) == ("moist", "Detail") and len(masked.report["classes"]) == 2
 
 
+def test_a_result_is_as_up_to_date_as_it_was_before_something_was_renamed(masked):
+    bpy.ops.esh.scatter()
+    for painted in (False, True):
+        masked.target.vertex_groups["damp" if painted else "wet"].name = "moist" if painted else "damp"
+        if painted:
+            masked.target.vertex_groups["moist"].add([0, 1, 2], 0.5, "REPLACE")
+            masked.target.data.update()
+        assert draw_and_wait()
+        with checksums.now():
+            assert masked.outdated == painted
+    assert masked.changes() == ["moist painted"]
+
+
 @pytest.mark.parametrize("how", ["removed", "another moved up", "removed, and a new one later", "swapped in", "added"])
 def test_what_is_not_only_renamed_is_not_followed(masked, how):
     groups = masked.target.vertex_groups
