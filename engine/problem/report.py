@@ -155,7 +155,17 @@ class Report:
         return result
 
     def __str__(self) -> str:
-        rows = [("class", "size", "asked", "placed", "coverage error", "smallest spacing", "order")]
+        rows = [
+            (
+                "class",
+                "size",
+                "asked",
+                "placed",
+                "coverage error",
+                "smallest spacing (lattice = 1)",
+                "order (lattice = 1)",
+            )
+        ]
         for entry in self.classes:
             for index, size in enumerate(entry.sizes):
                 error = f"{entry.coverage_error:.4f}" if index == 0 else ""
@@ -185,10 +195,15 @@ class Report:
         return "\n".join(lines)
 
     def _regularity(self) -> str:
-        """Smallest spacing, and order where that is measured."""
-        order = "" if self.order is None else f" and order {self.order:.2f}"
-        known = " (hexagonal = 1)" if self.smallest_spacing is not None else ""
-        return f"smallest spacing {_two_digits(self.smallest_spacing)}{order}{known}"
+        """How near bodies are, what part of a lattice's spacing the smallest is, and order where that is measured."""
+        parts = ["closest pair -" if self.closest is None else f"closest pair {self.closest:.3g} m"]
+        if self.usual is not None:
+            parts.append(f"typical spacing {self.usual:.3g} m")
+        if self.smallest_spacing is not None:
+            parts.append(f"smallest spacing {self.smallest_spacing:.2f} of a lattice's")
+        if self.order is not None:
+            parts.append(f"order {self.order:.2f} (lattice = 1)")
+        return ", ".join(parts)
 
     def _leaning(self) -> list[str]:
         """How many objects lean into each other, and how far."""
@@ -198,12 +213,12 @@ class Report:
         return [f"{pairs} into each other above or below the ground, the deepest by {self.deepest_leaning:.3g} m"]
 
     def _distances(self) -> list[str]:
-        """How far bodies are apart [m], where the smallest spacing is low, and what that is relative to."""
-        if self.closest is None or self.usual is None or (self.smallest_spacing or 1.0) >= LOW_SPACING:
+        """What a lattice's spacing is, where the smallest is a small part of it."""
+        if (self.smallest_spacing or 1.0) >= LOW_SPACING:
             return []
         return [
-            f"nearest bodies are {self.closest:.3g} m apart at least, {self.usual:.3g} m as a rule; spacings are relative to what the "
-            "density asks for at the place, so they are small where it asks for few"
+            "a lattice's spacing follows the density, so the smallest is a small part of it where the density asks for few, "
+            "or where sizes differ"
         ]
 
 

@@ -210,9 +210,12 @@ def test_a_report_measures_every_class_by_itself(launcher):
     assert f"({report.psnr:.0f} dB)" in str(report)
     rows = [line.split() for line in str(report).splitlines()]
     assert rows[1][-2] == f"{square:.2f}" and rows[3][-2:] == ["-", "-"]
-    assert "m apart at least" not in str(replace(report, smallest_spacing=0.8))
-    low = str(replace(report, smallest_spacing=0.12))
-    assert f"nearest bodies are {report.closest:.3g} m apart at least, {report.usual:.3g} m as a rule" in low
+    assert "follows the density" not in str(replace(report, smallest_spacing=0.8))
+    low = str(replace(report, smallest_spacing=0.09))
+    # Whoever reads 0.09 knows of what, and how far bodies are apart.
+    assert f", closest pair {report.closest:.3g} m, typical spacing {report.usual:.3g} m, " in low
+    assert ", smallest spacing 0.09 of a lattice's, order" in low and "a lattice's spacing follows the density" in low
+    assert str(report).splitlines()[0].endswith("  smallest spacing (lattice = 1)  order (lattice = 1)")
     alone = replace(problem, classes=[BodyClass("a", [Size("s", 0.1, 64)])])
     single = measure(Placement(alone, coarse, index[:64], index[:64], *[nothing[:64]] * 3), launcher)
     assert single.classes[0].smallest_spacing == single.smallest_spacing == pytest.approx(square, rel=1e-5)
@@ -279,9 +282,10 @@ def test_the_report_has_the_order_of_all_and_of_each_class():
         assert of_class.order == pytest.approx(sixfold_order(own), abs=2e-3)
     assert report.order == pytest.approx(sixfold_order(placement.position), abs=2e-3)
     assert report.to_dict()["order"] == report.order and report.to_dict()["classes"][0]["order"] > 0.3
-    assert f"order {report.order:.2f}" in str(report) and str(report).splitlines()[0].endswith("order")
-    assert "(hexagonal = 1), 1 overlap, " in str(replace(report, overlaps=1))
-    assert "smallest spacing -, 2 overlaps, " in str(replace(report, smallest_spacing=None, order=None, overlaps=2))
+    assert f"order {report.order:.2f}" in str(report) and str(report).splitlines()[0].endswith("order (lattice = 1)")
+    assert "(lattice = 1), 1 overlap, " in str(replace(report, overlaps=1))
+    few = replace(report, smallest_spacing=None, closest=None, usual=None, order=None, overlaps=2)
+    assert "closest pair -, 2 overlaps, " in str(few)
 
 
 def test_overlaps_of_discs_are_looked_for_only_where_some_are_closer_than_wide(monkeypatch):
