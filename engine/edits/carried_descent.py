@@ -8,11 +8,12 @@ import warp as wp
 from ..descent.descent import Descent
 from ..model.carried_over import CarriedInPlane
 from ..model.model import Model
+from ..model.natural_border import STEPS_WITHIN, NaturalBorder, smoothing
 from ..model.state import State
 from ..motion.carried_lines import carry_lines, rows_of_carried_lines
 from ..motion.forces import FieldSettings
 
-__all__ = ["carried_poses", "carry_turns", "go_on_from"]
+__all__ = ["carried_poses", "carry_turns", "go_on_from", "go_on_within"]
 
 
 def go_on_from(
@@ -57,6 +58,25 @@ def go_on_from(
     descent.state.steps[:] = state.steps
     descent.place_charges()
     return descent
+
+
+def go_on_within(before: Descent, border: NaturalBorder, model: Model) -> Descent:
+    """Return a descent of the bodies that a natural border keeps, evened out along it; that of all is let go of.
+
+    Args:
+        before: Of the border's problem.
+        border: What is kept.
+        model: Of the problem that was asked for.
+    """
+    kept = border.cut(before.positions(), model)
+    blur, steps = smoothing(model.charge.charge)
+    smooth = go_on_from(before, model, kept.position, kept.source, turned=border.turn, smooth=blur)
+    smooth.step.play(steps)
+    position = smooth.positions()
+    close = position[smooth.close_bodies()]
+    within = go_on_from(smooth, model, position, np.arange(model.body_count), close=close)
+    within.step.play(STEPS_WITHIN)
+    return within
 
 
 def carried_poses(old: Model, before: State, model: Model, carried: CarriedInPlane) -> wp.array | np.ndarray:

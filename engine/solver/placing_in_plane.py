@@ -12,7 +12,7 @@ import numpy as np
 from ..descent.convergence import TOLERANCE
 from ..descent.descent import Descent
 from ..device.launcher import Launcher
-from ..edits.carried_descent import carried_poses, carry_turns, go_on_from
+from ..edits.carried_descent import carried_poses, carry_turns, go_on_within
 from ..edits.edit import EditInPlane
 from ..edits.given_places import given_poses, lay_outlines
 from ..edits.plane_settling import settle_in_plane
@@ -20,7 +20,7 @@ from ..edits.spread import spread_points
 from ..model.body_flags import BodyFlags
 from ..model.memory import check_memory
 from ..model.model import Model
-from ..model.natural_border import STEPS_WITHIN, Kept, NaturalBorder, smoothing
+from ..model.natural_border import Kept, NaturalBorder
 from ..model.state import State, StateArrays
 from ..motion.carried_lines import carry_lines
 from ..problem.placement import Placement
@@ -124,15 +124,8 @@ class PlacingInPlane(Placing[Descent]):
         if self._border is None:
             return
         with self.launcher.phase("border"):
-            border, kept, before = self._border, self._kept(self._border), self.descent
-            self._border = None
-            blur, steps = smoothing(self.model.charge.charge)
-            smooth = go_on_from(before, self.model, kept.position, kept.source, turned=border.turn, smooth=blur)
-            smooth.step.play(steps)
-            position = smooth.positions()
-            close = position[smooth.close_bodies()]
-            self._descent = go_on_from(smooth, self.model, position, np.arange(self.model.body_count), close=close)
-            self._descent.step.play(STEPS_WITHIN)
+            border, self._border = self._border, None
+            self._descent = go_on_within(self.descent, border, self.model)
 
     def return_to(self, bookmark: Bookmark) -> None:
         """Return to the problem and the bodies of a bookmark, which knows no border."""

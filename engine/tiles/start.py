@@ -8,9 +8,9 @@ import numpy as np
 import warp as wp
 
 from ..descent.descent import Descent
-from ..descent.final_placement import position_in_meters
 from ..descent.initial_placement import first_pose
 from ..device.launcher import Launcher, launcher_of_process
+from ..edits.carried_descent import go_on_within
 from ..model.model import Model
 from ..model.natural_border import NaturalBorder
 from ..motion.line_rules import FIRST_LENGTH, LineRules
@@ -70,8 +70,9 @@ def spread_rare(plan: Plan, target: np.ndarray, device: str) -> tuple[np.ndarray
     try:
         for _ in range(STEPS_OF_RARE if len(identity) > 1 else 0):
             descent.step.play()
-        position = position_in_meters(descent.model, descent.state, launcher)
-        return identity, position if border is None else border.cut(position, model).position
+        if border is not None:
+            descent = go_on_within(descent, border, model)
+        return identity, descent.positions()
     finally:
         launcher.release(descent.step)
 

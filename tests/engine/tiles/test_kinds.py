@@ -10,6 +10,7 @@ import esh
 import numpy as np
 import pytest
 from esh.engine.device.launcher import launcher_of_process
+from esh.engine.problem.balance import SHARED_POWER
 from esh.engine.quality.overlaps import overlaps_of
 from esh.engine.tiles.bodies import PartBodies, read_bodies
 from esh.engine.tiles.coarse import SCALE, CoarseGrid, cell_sums, displacement, solve_flow
@@ -175,7 +176,7 @@ def test_a_class_is_as_rare_as_in_the_whole_problem():
     """Of a size there are 4,096 samples at most; its rarity is that of all bodies."""
     classes = [esh.BodyClass(name, [esh.Size("s", area=0.01, count=n)]) for name, n in (("a", 81_920), ("b", 8_192))]
     matrix = group_tiles(esh.Problem(esh.Domain((40.0, 40.0)), classes)).matrix
-    assert np.allclose(matrix, [[1.0, 0.5], [0.5, 0.5 + 5.0]])
+    assert np.allclose(matrix, [[1.0, 0.5], [0.5, 0.5 + 5.0 + 0.25 * (10.0**SHARED_POWER - 1.0)]])
 
 
 def test_tiles_are_as_regular_as_asked(tmp_path):

@@ -105,10 +105,11 @@ def test_nobody_overlaps(tmp_path):
 def test_rare_bodies_are_even_and_stand_in_no_row(tmp_path):
     many, few = (esh.BodyClass(name, [esh.Size("s", area=0.1, count=n)]) for name, n in (("a", 6300), ("b", 100)))
     found, spacing = np.zeros(5), SIDE / 10.0
-    for seed in (1, 2, 3):
+    for seed in (2, 5, 6):
         problem = esh.Problem(esh.Domain((SIDE, SIDE), "natural"), [many, few], seed=seed)
         rare = solved(problem, tmp_path / str(seed), steps=(20, 15, 15))[6300:]
-        assert spatial.cKDTree(rare).query(rare, 2)[0][:, 1].min() > 0.6 * spacing
+        # Which of them the border keeps is evened out: seed 6 had two that stood at a seventh of the spacing.
+        assert spatial.cKDTree(rare).query(rare, 2)[0][:, 1].min() > 0.65 * spacing
         found += np.histogram(np.minimum(rare, SIDE - rare).min(axis=1), spacing * np.linspace(0.0, 1.0, 6))[0]
     even = np.diff(SIDE**2 - (SIDE - 2.0 * spacing * np.linspace(0.0, 1.0, 6)) ** 2) / spacing**2 * 3.0
     assert (found / even).max() < 1.6
