@@ -9,6 +9,7 @@ Bodies stay on the device. What comes to the host is what follows from all of th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -26,8 +27,12 @@ from . import kernels_edit
 from .kernels_edit import Fate
 from .places_in_support import move_poses_into_support
 from .size_edit import Rows, SizeEdit, around, compare_size, list_bodies, read_numbers
+from .spread import MANY
 
 __all__ = ["EditInPlane", "in_order"]
+
+# How far bodies are put where others go, at most, in mean spacings.
+FARTHEST = 3.0
 
 # Gets densities over the domain or a part of it, row 0 at the bottom, and counts, and begins to spread as many points over each; what
 # it returns returns these [m], each ``wp.vec2d``.
@@ -150,9 +155,23 @@ class EditInPlane:
         if len(placed):
             # Where few are left of many they are as even as points are, not as those that they were among.
             row = read_numbers(launcher, placed, self._row_of)
-            self._changes += [self._places(placed), self._put_down(row, self._in_unit_of(model, points[1]))]
+            place, point = self._places(placed), self._in_unit_of(model, points[1])
+            self._changes += [place, self._put_down(row, point)]
+            if len(placed) < MANY:
+                self._replace_far(placed, row, np.linalg.norm(point.numpy() - place.numpy(), axis=1))
         self._changes.append(self._put_down(new_rows, self._in_unit_of(model, points[2])))
         self._new.append(_listed(new_rows))
+
+    def _replace_far(self, body: wp.array, row: wp.array, way: np.ndarray) -> None:
+        """Have others come instead of bodies that would go a long ``way`` within the new model's unit: those would seem to jump."""
+        area = math.prod(self._model.size) / self._model.body_count
+        far = np.flatnonzero(way > FARTHEST * math.sqrt(area))
+        if not len(far):
+            return
+        launcher, rows = self._launcher, row.numpy()[far]
+        gone, come = (launcher.array(values.astype(np.int32), wp.int32) for values in (body.numpy()[far], rows))
+        launcher.launch(kernels_edit.part_with, len(far), [gone, come], [self._source, self._row_of])
+        self._new.append(rows)
 
     def _result(self, first_identity: int) -> CarriedInPlane:
         """What has come of it."""

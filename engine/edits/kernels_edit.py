@@ -327,6 +327,21 @@ def read_places(
 
 
 @wp.kernel
+def part_with(
+    first: int,
+    body: wp.array(dtype=wp.int32),
+    row: wp.array(dtype=wp.int32),
+    # outputs
+    source: wp.array(dtype=wp.int32),
+    row_of: wp.array(dtype=wp.int32),
+):
+    """Let old bodies go, and others have the rows that they had got."""
+    k = first + wp.tid()
+    source[row[k]] = -1
+    row_of[body[k]] = -1
+
+
+@wp.kernel
 def carry_identities(
     first: int,
     source: wp.array(dtype=wp.int32),

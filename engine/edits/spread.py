@@ -20,6 +20,7 @@ from ..problem.problem import Problem
 from ..problem.size import Size
 from ..space.part import Part
 from . import kernels_edit
+from .few_points import few_points, with_strays_back
 
 __all__ = ["Spreading", "spread_points"]
 
@@ -27,8 +28,10 @@ __all__ = ["Spreading", "spread_points"]
 STEPS = 24
 # A coarse mesh will do for what attracts points.
 FEWEST_NODES = 2**14
+# Fewer than the first number are spread by :func:`~.few_points.few_points`; of fewer than the second some may be strays.
+FEW, MANY = 20, 500
 # Fewer than these are spread as if a natural border was a mirror. More would stand in a row along it.
-FEW = 100
+FEW_AT_BORDER = 100
 # Density over the largest that is there everywhere: points may leave where there is none, and nobody has to look for the way back.
 LEAST = 1e-7
 
@@ -42,18 +45,30 @@ def spread_points(
     part: Part | None = None,
 ) -> Callable[[], list[wp.array]]:
     """Begin to spread points, for arguments see :class:`Spreading`; return what returns them, see :meth:`Spreading.points`."""
-    few = [part is None and domain.natural and count < FEW for count in counts]
-    if not any(few):
-        return Spreading(launcher, domain, densities, counts, seed, part).points
-    # A descent holds charges near a natural border. A few points, far from each other, would hardly move within a tenth of the domain,
-    # and one that is pushed there would not come back. Mirrors leave what is even even, too.
-    of_few, of_many = ([n if f == own else 0 for n, f in zip(counts, few, strict=True)] for own in (True, False))
-    mirrored = Spreading(launcher, replace(domain, boundary="mirror"), densities, of_few, seed)
-    natural = Spreading(launcher, domain, densities, of_many, seed)
+    # A descent holds charges near a natural border. Not many points, far from each other, would hardly move within a tenth of the
+    # domain, and one that is pushed there would not come back. Mirrors leave what is even even, too.
+    enough = FEW_AT_BORDER if part is None and domain.natural else FEW
+    whole = part or Part()
+    origin, extent = whole.origin(domain.size), whole.extent(domain.size)
+
+    def spread(within: Domain, least: int, below: float) -> Spreading:
+        return Spreading(launcher, within, densities, [n if least <= n < below else 0 for n in counts], seed, part)
+
+    many, some = spread(domain, enough, np.inf), spread(replace(domain, boundary="mirror"), FEW, enough)
+
+    def point(k: int, found: wp.array) -> wp.array:
+        density, count = densities[k], counts[k]
+        if 0 < count < FEW:
+            return launcher.own_array(few_points(density, count, extent, seed + k) + origin, wp.vec2d)
+        if not FEW <= count < MANY or not density.any():
+            return found
+        given = found.numpy() - origin
+        back = with_strays_back(density, given, extent)
+        return found if back is given else launcher.own_array(back + origin, wp.vec2d)
 
     def points() -> list[wp.array]:
-        found = zip(mirrored.points(), natural.points(), few, strict=True)
-        return [of_few if f else of_many for of_few, of_many, f in found]
+        pairs = zip(many.points(), some.points(), counts, strict=True)
+        return [point(k, a if count >= enough else b) for k, (a, b, count) in enumerate(pairs)]
 
     return points
 
