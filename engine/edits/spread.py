@@ -29,7 +29,7 @@ STEPS = 24
 # A coarse mesh will do for what attracts points.
 FEWEST_NODES = 2**14
 # Fewer than the first number are spread by :func:`~.few_points.few_points`; of fewer than the second some may be strays.
-FEW, MANY = 20, 500
+FEW, MANY = 10, 500
 # Fewer than these are spread as if a natural border was a mirror. More would stand in a row along it.
 FEW_AT_BORDER = 100
 # Density over the largest that is there everywhere: points may leave where there is none, and nobody has to look for the way back.
