@@ -3,10 +3,11 @@
     python benchmarks/live_edits.py                    # 10,000 and 100,000 bodies
     python benchmarks/live_edits.py --bodies 4096 --device cuda:0
 
-A brush stroke over a twentieth of a photograph multiplies its density, by 3, by a fifth or by 0. Either the count follows the density, or it
-stays and the bodies are spread anew. From the edit to the new state, 5 steps: the time, beside that of solving afresh; the coverage
-error at a spacing over that after 100 steps more; and the share of bodies, more than two spacings from the stroke, that moved by less
-than a tenth of a spacing. Times are the smallest of several, and of processors as well: on a busy machine only those mean something.
+A brush stroke over a twentieth of a photograph multiplies its density, by 3, by a fifth or by 0. Either the count follows the
+density, or it stays and the bodies are spread anew. From the edit to the new state, 5 steps: the time, beside that of solving
+afresh; the coverage error at a spacing over that after 100 steps more; and the share of bodies, more than two spacings from the
+stroke, that moved by less than a tenth of a spacing. Times are the smallest of several, and of processors as well: on a busy
+machine only those mean something.
 """
 
 from __future__ import annotations
