@@ -189,7 +189,9 @@ def test_counts_weights_and_the_target_are_followed(scatter, follow):
     group = scatter.target.vertex_groups["here"]
     group.add([v.index for v in scatter.target.data.vertices if v.co.y > 0], 0.0, "REPLACE")
     follow()
-    assert max(place[1] for place in points("Beech").values()) < 1.1
+    # Weights fall to 0 in the two meters to the next row of vertices, where a twentieth of the class has its place.
+    up = np.array([place[1] for place in points("Beech").values()])
+    assert up.max() < 2.0 and 5 < (up > 0.0).sum() < 20 and (up > 1.0).sum() < 8
     for vertex in scatter.target.data.vertices:
         vertex.co.z = 3.0
     scatter.target.data.update()
