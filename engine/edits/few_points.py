@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..space.density import move_into_support
+from ..space.hilbert_curve import along_hilbert_curve
+
 __all__ = ["few_points", "with_strays_back"]
 
 # Rounds in which points go to the centroids of what is nearest to them.
@@ -43,7 +46,7 @@ def few_points(density: np.ndarray, count: int, size: tuple[float, float], seed:
             moment = np.bincount(nearest, weight * center[:, axis], count)
             # Who has nothing stays.
             point[:, axis] = np.where(total > 0.0, moment / np.maximum(total, 1e-300), point[:, axis])
-    return _onto_density(density, point, cell)
+    return move_into_support(density[::-1], point, size)
 
 
 def with_strays_back(density: np.ndarray, point: np.ndarray, size: tuple[float, float]) -> np.ndarray:
@@ -55,12 +58,9 @@ def with_strays_back(density: np.ndarray, point: np.ndarray, size: tuple[float, 
         size: Extent of that rectangle along x and y [m].
     """
     cell = np.array(size) / density.shape[::-1]
-    last = np.array(density.shape[::-1]) - 1
-    at = np.clip((point / cell).astype(np.int64), 0, last)
-    outside = np.flatnonzero(density[at[:, 1], at[:, 0]] <= 0.0).tolist()
-    low, high = np.maximum(at - STRAY, 0), at + STRAY + 1
-    stray = [k for k in outside if not density[low[k, 1] : high[k, 1], low[k, 0] : high[k, 0]].any()]
-    if not stray:
+    way = np.abs(move_into_support(density[::-1], point, size) - point)
+    stray = np.flatnonzero((way > STRAY * cell).any(axis=1))
+    if not len(stray):
         return point
     mass, block = _in_blocks(np.asarray(density, np.float64), 1)
     row, column = np.nonzero(mass)
@@ -70,11 +70,11 @@ def with_strays_back(density: np.ndarray, point: np.ndarray, size: tuple[float, 
     room = np.full(len(center), np.inf)
     for one in there:
         np.minimum(room, ((center - one) ** 2).sum(axis=1), out=room)
-    for k in stray:
+    for k in stray.tolist():
         chosen = np.argmax(room * mass[row, column])
         result[k] = center[chosen]
         np.minimum(room, ((center - result[k]) ** 2).sum(axis=1), out=room)
-    return _onto_density(density, result, cell)
+    return move_into_support(density[::-1], result, size)
 
 
 def _in_blocks(density: np.ndarray, least: int) -> tuple[np.ndarray, float]:
@@ -95,42 +95,9 @@ def _along_curve(
     row: np.ndarray, column: np.ndarray, weight: np.ndarray, count: int, random: np.random.Generator
 ) -> np.ndarray:
     """Places between cells (their numbers along x and y), as much of a density apart from each other along Hilbert's curve."""
-    order = np.argsort(_hilbert(row, column), kind="stable")
+    order = np.argsort(along_hilbert_curve(column, row), kind="stable")
     reached = np.cumsum(weight[order])
     asked = (np.arange(count) + random.random()) / count * reached[-1]
     chosen = order[np.minimum(np.searchsorted(reached, asked, side="right"), len(order) - 1)]
     # Several of one cell are not at one place.
     return np.stack([column, row], axis=1)[chosen] + 0.5 * (random.random((count, 2)) - 0.5)
-
-
-def _hilbert(row: np.ndarray, column: np.ndarray) -> np.ndarray:
-    """How far along Hilbert's curve through a square each cell is, int64."""
-    x, y = column.astype(np.int64), row.astype(np.int64)
-    result = np.zeros(len(x), np.int64)
-    side = 1 << max(int(max(x.max(), y.max())).bit_length(), 1)
-    half = side // 2
-    while half:
-        right, upper = (x & half) > 0, (y & half) > 0
-        result += half * half * ((3 * right) ^ upper)
-        # The curve through a lower quarter is turned and mirrored.
-        mirrored = ~upper & right
-        x, y = np.where(mirrored, side - 1 - x, x), np.where(mirrored, side - 1 - y, y)
-        x, y = np.where(upper, x, y), np.where(upper, y, x)
-        half //= 2
-    return result
-
-
-def _onto_density(density: np.ndarray, point: np.ndarray, cell: np.ndarray) -> np.ndarray:
-    """Points of which those where a density is 0 are in the nearest cell where it is not."""
-    last = np.array(density.shape[::-1]) - 1
-    inside = np.clip((point / cell).astype(np.int64), 0, last)
-    outside = np.flatnonzero(density[inside[:, 1], inside[:, 0]] <= 0.0)
-    if not len(outside):
-        return point
-    there = np.argwhere(density > 0.0)[:, ::-1]
-    for k in outside.tolist():
-        near = np.clip(point[k], there * cell, (there + 1) * cell)
-        chosen = int(np.argmin(((near - point[k]) ** 2).sum(axis=1)))
-        # Within it, so that rounding does not put it out again.
-        point[k] = np.clip(point[k], (there[chosen] + 0.25) * cell, (there[chosen] + 0.75) * cell)
-    return point

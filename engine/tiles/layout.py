@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..space.hilbert_curve import along_hilbert_curve
 from .density_windows import Axis
 
 __all__ = ["Box", "Layout", "hilbert_order", "within"]
@@ -178,21 +178,8 @@ def within(position: np.ndarray, low: Sequence[float], high: Sequence[float]) ->
 
 def hilbert_order(columns: int, rows: int) -> np.ndarray:
     """Numbers of tiles, counted row by row, in the order of a Hilbert curve through them, shape ``[columns * rows]``."""
-    order = max(1, math.ceil(math.log2(max(columns, rows, 2))))
     number = np.arange(columns * rows)
-    x, y = number % columns, number // columns
-    along = np.zeros(len(number), np.int64)
-    side = 1 << order
-    half = side >> 1
-    while half:
-        right, up = (x & half) > 0, (y & half) > 0
-        along += half * half * ((3 * right) ^ up)
-        # The quarters below are reflected.
-        turned = ~up & right
-        x, y = np.where(turned, side - 1 - x, x), np.where(turned, side - 1 - y, y)
-        x, y = np.where(up, x, y), np.where(up, y, x)
-        half >>= 1
-    return np.argsort(along, kind="stable")
+    return np.argsort(along_hilbert_curve(number % columns, number // columns), kind="stable")
 
 
 def _smooth(share: np.ndarray) -> np.ndarray:

@@ -102,7 +102,8 @@ def _noted(layer: PropertyGroup) -> dict[str, list[str]]:
 
 
 def _is_unnoted(layer: PropertyGroup) -> bool:
-    return not _renamed(layer) and _noted(layer) != _names_now(layer)
+    """Whether names have changed of which none is followed; asked where nothing is :func:`renamed <_renamed>`."""
+    return _noted(layer) != _names_now(layer)
 
 
 def _renamed(layer: PropertyGroup) -> str:

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from esh.engine.device.launcher import launcher_of_process
-from esh.engine.edits.few_points import _hilbert, few_points, with_strays_back
+from esh.engine.edits.few_points import few_points, with_strays_back
 from esh.engine.edits.spread import FEW, MANY, spread_points
 from esh.engine.problem.domain import Domain
+from esh.engine.space.density import sample_density
 from scipy.spatial import cKDTree
 
 Y, X = (np.mgrid[:64, :64] + 0.5) / 64
@@ -20,9 +21,9 @@ DENSITIES = {
 SIZE = (100.0, 50.0)
 
 
-def cells_of(point):
-    column, row = np.clip((point / SIZE * 64).astype(int), 0, 63).T
-    return row, column
+def of_cells(density, point):
+    """Values where points are, as the solver reads images: of two cells that share an edge the lower one has it."""
+    return sample_density(density[::-1], point, SIZE)
 
 
 @pytest.mark.parametrize("count", [1, 2, 4, 9, 30, 149])
@@ -32,7 +33,7 @@ def test_they_are_where_a_density_is(name, count):
     density = DENSITIES[name]
     for seed in range(3):
         point = few_points(density, count, SIZE, seed)
-        assert point.shape == (count, 2) and density[cells_of(point)].all()
+        assert point.shape == (count, 2) and of_cells(density, point).all()
         assert len(np.unique(point, axis=0)) == count
 
 
@@ -54,12 +55,6 @@ def test_they_are_the_same_for_a_seed_and_others_for_another_and_anywhere_where_
     assert not np.allclose(one, other)
     anywhere = few_points(np.zeros((4, 4)), 40, SIZE, 0)
     assert np.ptp(anywhere, axis=0).min() > 30.0
-
-
-def test_the_curve_goes_from_every_cell_to_one_beside_it():
-    row, column = np.divmod(np.arange(32 * 32), 32)
-    order = np.argsort(_hilbert(row, column))
-    assert set(np.abs(np.diff(row[order])) + np.abs(np.diff(column[order]))) == {1}
 
 
 def test_strays_come_back_to_where_most_room_is():
@@ -84,4 +79,4 @@ def test_no_point_is_spread_to_where_nothing_is_asked_for(count):
         for one, own in zip(points, density, strict=True):
             wide = np.pad(own, 2).astype(bool)
             near = np.logical_or.reduce([wide[a : a + 64, b : b + 64] for a in range(5) for b in range(5)])
-            assert not len(one) or near[cells_of(one.numpy())].all()
+            assert not len(one) or of_cells(near, one.numpy()).all()
