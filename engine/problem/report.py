@@ -213,12 +213,12 @@ class Report:
         return [f"{pairs} into each other above or below the ground, the deepest by {self.deepest_leaning:.3g} m"]
 
     def _distances(self) -> list[str]:
-        """What a lattice's spacing is, where the smallest is a small part of it."""
+        """What the smallest spacing is compared with, where it is low."""
         if (self.smallest_spacing or 1.0) >= LOW_SPACING:
             return []
         return [
-            "a lattice's spacing follows the density, so the smallest is a small part of it where the density asks for few, "
-            "or where sizes differ"
+            "the smallest spacing is compared with what the density asks for at the place: it is low where few bodies are asked for, "
+            "where sizes differ, and where larger bodies push small ones together"
         ]
 
 

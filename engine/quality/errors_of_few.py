@@ -68,7 +68,8 @@ def explain_errors(
         apart = np.ones((len(classes), len(classes)), bool) if apart is None else apart
         kept_off = classes_kept_off(area, placement.class_index, left, apart)
         notes += notes_on_larger_classes([classes[k].name for k in kept_off], mixed=mixed)
-    notes += notes_on_all_together(area, [error for k, error in enumerate(errors) if k not in kept_off], whole)
+    own = [error for k, error in enumerate(errors) if k not in kept_off]
+    notes += notes_on_all_together(area, own, whole, judged=not kept_off)
     if made:
         most = max(made, key=made.__getitem__)
         of_class = f' of class "{classes[most].name}"' if len(classes) > 1 else ""
@@ -140,22 +141,22 @@ def notes_on_larger_classes(names: Sequence[str], *, mixed: bool) -> list[str]:
     return [Note(text, NoteKind.AROUND_LARGER)]
 
 
-def notes_on_all_together(area: np.ndarray, errors: Sequence[float], whole: float) -> list[str]:
+def notes_on_all_together(area: np.ndarray, errors: Sequence[float], whole: float, *, judged: bool = True) -> list[str]:
     """Say where the coverage error of all bodies together is large only because areas differ by very much.
 
     Args:
         area: Footprints of the bodies [m²], shape ``[n]``.
         errors: Coverage errors of the classes, without those that are :func:`classes_kept_off`.
         whole: Coverage error of all bodies together.
+        judged: Whether those of all classes say how even they are: not of those that are kept off.
     """
     if whole <= UNEVEN or max(errors, default=0.0) > UNEVEN:
         return []
     if not _coarse(*(one[0] for one in _summed(area, np.zeros(len(area), np.int32), 1))):
         return []
-    text = (
-        "the coverage error of all bodies together is large because large bodies keep more distance than small ones; "
-        "judge each class by its own"
-    )
+    text = "the coverage error of all bodies together is large because some are so much larger than most that each is one heavy spot"
+    if judged:
+        text += "; judge each class by its own"
     return [Note(text, NoteKind.ALL_TOGETHER)]
 
 

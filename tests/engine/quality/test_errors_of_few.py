@@ -54,7 +54,9 @@ def test_it_is_said_why_all_bodies_together_have_a_large_error_where_no_class_ha
 
 def test_all_together_are_no_matter_of_one_class_alone_nor_of_equal_bodies():
     large_and_small = np.repeat([1.0, 1e-3], [20, 3000])
-    assert len(notes_on_all_together(large_and_small, [0.01, 0.02], 1.9)) == 1
+    (said,) = notes_on_all_together(large_and_small, [0.01, 0.02], 1.9)
+    (beside_kept_off,) = notes_on_all_together(large_and_small, [0.02], 1.9, judged=False)
+    assert said == f"{beside_kept_off}; judge each class by its own"
     assert notes_on_all_together(large_and_small, [1.9], 1.9) == []
     assert notes_on_all_together(large_and_small, [0.01, 0.3], 1.9) == []
     assert notes_on_all_together(np.ones(3020), [0.01, 0.02], 1.9) == []

@@ -210,11 +210,13 @@ def test_a_report_measures_every_class_by_itself(launcher):
     assert f"({report.psnr:.0f} dB)" in str(report)
     rows = [line.split() for line in str(report).splitlines()]
     assert rows[1][-2] == f"{square:.2f}" and rows[3][-2:] == ["-", "-"]
-    assert "follows the density" not in str(replace(report, smallest_spacing=0.8))
+    assert "is compared with" not in str(replace(report, smallest_spacing=0.8))
     low = str(replace(report, smallest_spacing=0.09))
     # Whoever reads 0.09 knows of what, and how far bodies are apart.
     assert f", closest pair {report.closest:.3g} m, typical spacing {report.usual:.3g} m, " in low
-    assert ", smallest spacing 0.09 of a lattice's, order" in low and "a lattice's spacing follows the density" in low
+    assert (
+        ", smallest spacing 0.09 of a lattice's, order" in low and "is compared with what the density asks for" in low
+    )
     assert str(report).splitlines()[0].endswith("  smallest spacing (lattice = 1)  order (lattice = 1)")
     alone = replace(problem, classes=[BodyClass("a", [Size("s", 0.1, 64)])])
     single = measure(Placement(alone, coarse, index[:64], index[:64], *[nothing[:64]] * 3), launcher)
