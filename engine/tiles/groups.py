@@ -167,7 +167,7 @@ class TileGroups:
 def group_tiles(problem: Problem) -> TileGroups:
     """Return the groups of a problem of any number of bodies."""
     sample = _sample(problem)
-    groups = group_bodies(sample, counts=[c.body_count for c in problem.classes])
+    groups = group_bodies(sample, sample_of=problem)
     sampled = np.bincount(groups.body_group, minlength=groups.count)
     rows = []
     areas = sample.body_areas()

@@ -2,6 +2,7 @@
 
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -599,6 +600,35 @@ def test_who_is_caught_with_others_in_a_gap_between_obstacles_goes_where_there_i
     placement = solve(problem, device="cpu")
     assert placement.report.overlaps == 0
     assert np.hypot(*(placement.position[:, None] - places).transpose(2, 0, 1)).min() > 0.89
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_press_beside_obstacles_comes_apart_where_it_is(seed):
+    """A hill asks for up to 89 % cover between boulders. If those that press each other jump away, errors are .2, for the holes."""
+    rows, columns = np.mgrid[0:250, 0:400]
+    away = np.hypot((columns + 0.5) / 5.0 - 40.0, (rows + 0.5) / 5.0 - 25.0)
+    hill = 0.05 + 0.95 * np.exp(-0.5 * (away / 15.3) ** 2)
+    across = [
+        (40.6, 34.5),
+        (31.7, 22.0),
+        (47.9, 21.0),
+        (39.2, 7.6),
+        (20.8, 34.4),
+        (59.2, 33.0),
+        (16.4, 19.0),
+        (63.9, 18.0),
+    ]
+    sizes = [Size("fine", 0.25, 3300), Size("coarse", 1.0, 330)]
+    problem = Problem(
+        Domain((80.0, 50.0)),
+        [BodyClass("pebble", sizes, hill)],
+        obstacles=tuple(Obstacle(disc=(*place, 3.6)) for place in across),
+        avoid_overlap=True,
+        seed=seed,
+    )
+    before, after = (solve(replace(problem, avoid_overlap=apart), device="cpu").report for apart in (False, True))
+    assert before.overlaps > 300 and after.overlaps == 0
+    assert after.coverage_error - before.coverage_error < 0.03
 
 
 def test_planks_boxes_and_discs_that_part_in_a_periodic_domain_stay_even():

@@ -174,5 +174,7 @@ def test_samples_of_classes_have_the_term_of_what_they_stand_for():
     """Tiles are solved by the matrix of all bodies, which is that of a few of them."""
     whole = beside((1.0, 10), (1e-3, 2000))
     classes = [BodyClass("0", [Size("s", 1.0, 10)]), BodyClass("1", [Size("s", 1e-3, 20)])]
-    sample = Problem(Domain((100.0, 100.0)), classes, Balance(0.5, rare_emphasis=0.0))
-    np.testing.assert_allclose(group_bodies(sample, counts=[10, 2000]).matrix, whole)
+    domain, balance = Domain((100.0, 100.0)), Balance(0.5, rare_emphasis=0.0)
+    classes_of_all = [BodyClass("0", [Size("s", 1.0, 10)]), BodyClass("1", [Size("s", 1e-3, 2000)])]
+    problem = Problem(domain, classes_of_all, balance)
+    np.testing.assert_allclose(group_bodies(Problem(domain, classes, balance), sample_of=problem).matrix, whole)

@@ -1,0 +1,97 @@
+"""Large bodies push small ones, with which they may not overlap, by as many as they leave no ground for."""
+
+import math
+
+import numpy as np
+import pytest
+import trimesh
+from esh import Balance, BodyClass, Domain, Problem, Size, Surface, SurfaceMesh, solve
+from esh.engine.problem.ground_of_large import STEP
+from esh.engine.problem.interaction import group_bodies
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import spatial
+
+LARGE, SMALL = 1.2, 0.1
+
+
+def boulders_and_tufts(domain, *, apart=True, seed=1, counts=(30, 3000), balance=None, **of_tufts):
+    boulders = BodyClass("boulder", [Size("s", math.pi * LARGE**2, counts[0])])
+    tufts = BodyClass("tuft", [Size("s", math.pi * SMALL**2, counts[1])], **of_tufts)
+    return Problem(domain, [boulders, tufts], balance or Balance(), avoid_overlap=apart, seed=seed)
+
+
+def pushed_by(problem):
+    """How many small bodies a large one counts for, for small ones."""
+    matrix = group_bodies(problem).matrix
+    return matrix[0, 1] / matrix[1, 1] * (LARGE / SMALL) ** 2
+
+
+def test_a_large_body_counts_for_as_many_as_it_leaves_no_ground_for():
+    per_area = 3000 / 1600.0
+    for room, gap, radius in ((1.0, 0.0, SMALL), (2.0, 0.0, 2.0 * SMALL), (1.0, 0.4, SMALL + 0.2)):
+        found = pushed_by(boulders_and_tufts(Domain((40.0, 40.0)), room=room, gap=gap))
+        displaced = per_area * math.pi * (LARGE + radius) ** 2
+        assert found == pytest.approx(displaced, rel=0.55 * STEP)
+
+
+def test_where_small_ones_are_not_asked_for_they_are_not_pushed_more():
+    """Those that are all beside the large ones are not, those on half of the ground with them twice as much."""
+    left, right = np.array([[1.0, 0.0]]), np.array([[0.0, 1.0]])
+    boulders = BodyClass("boulder", [Size("s", math.pi * LARGE**2, 30)], density=left)
+
+    def pushed(density):
+        tufts = BodyClass("tuft", [Size("s", math.pi * SMALL**2, 3000)], density=density)
+        return pushed_by(Problem(Domain((40.0, 40.0)), [boulders, tufts], avoid_overlap=True))
+
+    assert pushed(left) == pytest.approx(2.0 * pushed(1.0), rel=1.2 * STEP)
+    may_overlap = boulders_and_tufts(Domain((40.0, 40.0)), apart=False)
+    assert pushed(right) == pytest.approx(pushed_by(may_overlap))
+
+
+def test_the_factors_stay_where_overlap_is_allowed_and_those_of_the_paper_where_they_are_asked_for():
+    for changed in (
+        {"apart": False},
+        {"balance": Balance(rare_emphasis=0.0)},
+        {"balance": Balance(non_overlap=np.eye(2))},
+    ):
+        problem = boulders_and_tufts(Domain((40.0, 40.0)), **changed)
+        without = boulders_and_tufts(Domain((40.0, 40.0)), **(changed | {"apart": False}))
+        np.testing.assert_array_equal(group_bodies(problem).matrix, group_bodies(without).matrix)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.tuples(st.floats(1e-4, 1e2), st.integers(1, 3000)), min_size=2, max_size=6),
+    st.floats(0.0, 1.0),
+    st.floats(0.0, 2.0),
+)
+def test_no_eigenvalue_is_negative_whatever_areas_and_counts(sizes, alpha, rare):
+    classes = [BodyClass(f"{i}", [Size("s", area, count)]) for i, (area, count) in enumerate(sizes)]
+    problem = Problem(Domain((100.0, 100.0)), classes, Balance(alpha, rare_emphasis=rare), avoid_overlap=True)
+    matrix = group_bodies(problem).matrix
+    np.testing.assert_array_equal(matrix, matrix.T)
+    values = np.linalg.eigvalsh(matrix / np.sqrt(np.outer(matrix.diagonal(), matrix.diagonal())))
+    assert values.min() >= -1e-9 * values.max()
+
+
+@pytest.mark.parametrize("on_surface", [False, True])
+def test_small_bodies_stand_no_closer_in_a_rim_around_large_ones_than_elsewhere(on_surface):
+    """They stood in a closed row, 4.7 times as dense as elsewhere within a quarter of their spacing."""
+    if on_surface:
+        ball = trimesh.creation.icosphere(5, radius=math.sqrt(1600.0 / (4.0 * math.pi)))
+        domain = Surface(SurfaceMesh(ball.vertices, ball.faces))
+    else:
+        domain = Domain((40.0, 40.0))
+    within, nearest = [], []
+    for seed in (1, 2, 3):
+        placement = solve(boulders_and_tufts(domain, seed=seed), device="cpu")
+        assert placement.report.overlaps == 0
+        large, small = (placement.position[placement.class_index == k] for k in (0, 1))
+        spacing = math.sqrt((1600.0 - 30 * math.pi * (LARGE + SMALL) ** 2) / 3000)
+        away = spatial.cKDTree(large).query(small)[0]
+        ring = math.pi * ((LARGE + SMALL + spacing) ** 2 - (LARGE + SMALL) ** 2)
+        within.append(np.count_nonzero(away < LARGE + SMALL + spacing) / 30 / (ring / spacing**2))
+        nearest.append(np.percentile(spatial.cKDTree(small).query(small, 2)[0][:, 1], 1) / spacing)
+    assert np.mean(within) == pytest.approx(1.0, abs=0.2)
+    assert np.mean(nearest) > 0.85
