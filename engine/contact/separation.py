@@ -300,7 +300,12 @@ class Separation(OutlinesInSpace):
                 if go_on is not None and not go_on():
                     stopped = True
                     break
-                if number and number % ROUNDS_PER_SWAP == 0 and deep and self._change_places(number, number - guided, squares):
+                if (
+                    number
+                    and number % ROUNDS_PER_SWAP == 0
+                    and deep
+                    and self._change_places(number, number - guided, squares)
+                ):
                     since = since if self._jammed else 0
                     self._find()
             self._move()
