@@ -83,6 +83,7 @@ class Balance(Settings):
             "How evenly classes of few or small objects are spread beside others of many or larger ones. 0 treats all classes alike",
             more="A class's own factor is multiplied by its rarity times its smallness, to this power. Rarity is the largest count "
             "of a class over its own, at most 100; smallness is half of the largest area over its own, at least 1. "
+            "Where overlap is avoided it is less, so that small objects stand in no closed row around large ones. "
             "Rare classes of like areas also push each other more. 0 is the paper's",
             label="Favor Rare",
             low=0.0,
@@ -104,7 +105,9 @@ class Balance(Settings):
         apart = None if self.non_overlap is None else np.asarray(self.non_overlap) > 0.0
         return None if apart is None or apart.all() else apart
 
-    def class_factors(self, counts: Sequence[int], areas: Sequence[float]) -> np.ndarray:
+    def class_factors(
+        self, counts: Sequence[int], areas: Sequence[float], most_alone: np.ndarray | None = None
+    ) -> np.ndarray:
         """Factors between classes, shape ``[class_count, class_count]``, float64.
 
         (1 - alpha) identity + alpha non_overlap. The identity of a class is raised that has fewer or smaller bodies than others; and
@@ -114,12 +117,14 @@ class Balance(Settings):
         Args:
             counts: Bodies of every class.
             areas: Footprint of the largest bodies of every class, in any unit.
+            most_alone: What the identity of every class is raised to at most, at least 1; None for any.
         """
         count, area = np.asarray(counts, np.float64), np.asarray(areas, np.float64)
         apart = np.ones((len(count), len(count))) if self.non_overlap is None else np.asarray(self.non_overlap)
         rarity = np.minimum(count.max() / count, MOST_RARE)
         smallness = np.clip(area.max() / (TIMES_AS_LARGE * area), 1.0, MOST_SMALL)
         own = np.minimum((rarity * smallness) ** self.rare_emphasis, MOST_RAISED)
+        own = own if most_alone is None else np.minimum(own, most_alone)
         alike = np.minimum.outer(area, area) / np.maximum.outer(area, area)
         raised = (np.minimum.outer(rarity, rarity) ** (SHARED_POWER * self.rare_emphasis) - 1.0) * alike
         alpha = self.class_separation

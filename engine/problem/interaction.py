@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .ground_of_large import keep_off_large
+from .ground_of_large import most_alone
 from .of_bodies import of_all
 from .prepared_class import PreparedClass
 from .problem import Problem
@@ -102,11 +102,11 @@ def group_bodies(
     area = problem.shared_areas() if area is None else area
     first_body = 0
     groups: list[np.ndarray] = []
-    of: list[tuple[int, int]] = []
+    class_index: list[int] = []
     emphasis: list[float] = []
     for c, body_class in enumerate(problem.classes):
         of_size = _size_emphases(problem, body_class)
-        for s, (size, size_emphasis) in enumerate(zip(body_class.sizes, of_size, strict=True)):
+        for size, size_emphasis in zip(body_class.sizes, of_size, strict=True):
             bodies = slice(first_body, first_body + (size.count or 0))
             first_body = bodies.stop
             level, level_emphasis = np.zeros(1, np.int32), np.array([size_emphasis])
@@ -115,27 +115,25 @@ def group_bodies(
                 level, level_emphasis = _levels(area[bodies] / _unit_of_area(problem), _exponent(problem), most)
             groups.append(np.broadcast_to(np.int32(len(emphasis)) + level, size.count or 0))
             emphasis.extend(level_emphasis.tolist())
-            of.extend([(c, s)] * len(level_emphasis))
+            class_index.extend([c] * len(level_emphasis))
     body_group = of_all(np.int32(0), len(area)) if len(emphasis) == 1 else np.concatenate(groups)
     e = np.array(emphasis)
     # Only ratios count: the least emphasis of every class is 1, as in the paper's tables.
-    index = np.array([c for c, _ in of])
+    index = np.array(class_index)
     for c in range(len(problem.classes)):
         e[index == c] /= e[index == c].min()
     whole = sample_of or problem
     counts = [c.body_count for c in whole.classes]
     # Of its largest size: how many there are of each, samples do not tell.
     areas = [max(size.mean_area for size in c.sizes) for c in problem.classes]
-    between = problem.balance.class_factors(counts, areas)[np.ix_(index, index)]
+    between = problem.balance.class_factors(counts, areas, most_alone(whole))[np.ix_(index, index)]
     matrix = between * np.minimum(e[:, None], e[None, :])
-    if len(e) > 1:
+    spans = [one for c in problem.classes for size in c.sizes for one in size.area_span]
+    if len(e) > 1 and min(spans) * LEAST_SPAN <= max(spans):
         # Samples count for as many as they stand for.
         stand_for = np.divide(counts, [max(c.body_count, 1) for c in problem.classes])[index]
         number, charge = (np.bincount(body_group, weights, len(e)) * stand_for for weights in (None, area))
-        spans = [one for c in problem.classes for size in c.sizes for one in size.area_span]
-        if min(spans) * LEAST_SPAN <= max(spans):
-            matrix = _spread_small(matrix, between, number, charge)
-        matrix = keep_off_large(matrix, whole, number, charge, of)
+        matrix = _spread_small(matrix, between, number, charge)
     return Groups(body_group, index, matrix)
 
 

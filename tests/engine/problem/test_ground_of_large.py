@@ -35,18 +35,17 @@ def test_a_large_body_counts_for_as_many_as_it_leaves_no_ground_for():
         assert found == pytest.approx(displaced, rel=0.55 * STEP)
 
 
-def test_where_small_ones_are_not_asked_for_they_are_not_pushed_more():
-    """Those that are all beside the large ones are not, those on half of the ground with them twice as much."""
+def test_what_counts_is_how_dense_small_ones_are_asked_to_be_where_both_are():
+    def pushed(density, count=3000, boulders=1.0):
+        large = BodyClass("boulder", [Size("s", math.pi * LARGE**2, 30)], density=boulders)
+        tufts = BodyClass("tuft", [Size("s", math.pi * SMALL**2, count)], density=density)
+        return pushed_by(Problem(Domain((40.0, 40.0)), [large, tufts], avoid_overlap=True))
+
     left, right = np.array([[1.0, 0.0]]), np.array([[0.0, 1.0]])
-    boulders = BodyClass("boulder", [Size("s", math.pi * LARGE**2, 30)], density=left)
-
-    def pushed(density):
-        tufts = BodyClass("tuft", [Size("s", math.pi * SMALL**2, 3000)], density=density)
-        return pushed_by(Problem(Domain((40.0, 40.0)), [boulders, tufts], avoid_overlap=True))
-
-    assert pushed(left) == pytest.approx(2.0 * pushed(1.0), rel=1.2 * STEP)
+    for boulders in (1.0, left):
+        assert pushed(left, 1500, boulders) == pytest.approx(pushed(1.0)), "half as many on half of the ground"
     may_overlap = boulders_and_tufts(Domain((40.0, 40.0)), apart=False)
-    assert pushed(right) == pytest.approx(pushed_by(may_overlap))
+    assert pushed(right, boulders=left) == pytest.approx(pushed_by(may_overlap))
 
 
 def test_the_factors_stay_where_overlap_is_allowed_and_those_of_the_paper_where_they_are_asked_for():
