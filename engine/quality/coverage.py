@@ -18,6 +18,7 @@ from ..space.target_deposit import integrate_boxes
 from ..transforms.convolution import Convolution, good_length
 from . import kernels_coverage
 from .measured_bodies import MeasuredBodies, measured_bodies
+from .taken_ground import LEAST_FREE, TakenGround
 
 __all__ = ["Coverage", "coverage_error"]
 
@@ -103,6 +104,16 @@ class Coverage:
         inputs = [difference, cells, block]
         launcher.launch(kernels_coverage.sum_squares, len(squares), inputs, [squares], grain=max(1, GRAIN // block))
         return math.sqrt(float(squares.numpy().sum()) / cells)
+
+    def beside(self, image: np.ndarray, taken: TakenGround) -> np.ndarray:
+        """Return a density without the ground that is taken from it; the same one where hardly any is left."""
+        rows, columns = self.shape
+        share = np.ones(rows * columns) if image.size == 1 else self._share_of(image).numpy()
+        free = share.reshape(self.shape) * taken.in_cells(self.domain, self.shape)
+        if free.sum(dtype=np.float64) < LEAST_FREE * share.sum(dtype=np.float64):
+            return image
+        # Cells begin at the bottom, images at the top.
+        return np.ascontiguousarray(free[::-1], np.float32)
 
     def excess(self, some: np.ndarray, targets: Sequence[Target], one: int) -> float:
         """Return what is left of the :meth:`error` of a class whatever bodies there are beside ``some``, a truth value for each.

@@ -32,6 +32,7 @@ from .overlaps import Overlaps, overlaps_of, overlaps_of_fixed, overlaps_of_fixe
 from .spacing import Spacing, measure_spacing
 from .surface_measurement import measure_on_surface
 from .surface_out_of_place import out_of_place_on_surface
+from .taken_ground import taken_ground
 
 __all__ = ["measure"]
 
@@ -115,7 +116,10 @@ def _coverage_errors(
     coverage, classes = Coverage(bodies, area, placement.class_index), placement.problem.classes
     charges = [sum((s.count or 0) * s.mean_area for s in c.sizes) for c in classes]
     targets = [(c.density_image, charge) for c, charge in zip(classes, charges, strict=True)]
-    errors = [coverage.error([target], one) for one, target in enumerate(targets)]
+    errors = []
+    for one, (image, charge) in enumerate(targets):
+        taken = taken_ground(placement, bodies.launcher, one)
+        errors.append(coverage.error([(image if taken is None else coverage.beside(image, taken), charge)], one))
     whole = coverage.error(targets) if len(errors) > 1 else errors[0]
 
     def excess(k: int) -> float:

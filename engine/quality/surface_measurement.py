@@ -15,12 +15,13 @@ from ..heat.heat_mesh import HeatMeshes
 from ..problem.cover import ground_on_surface
 from ..problem.of_bodies import of_all
 from ..problem.placement import Placement
-from ..problem.surface import Surface
+from ..problem.surface import PointsOnSurface, Surface
 from . import kernels_surface_spacing
 from .bodies_on_surface import BodiesOnSurface, bodies_on_surface
 from .overlaps import Overlaps, find_overlaps_on_surface
 from .sheets import sheets_of
 from .spacing import HEXAGONAL_SPACING
+from .taken_ground import LEAST_FREE, taken_ground
 
 __all__ = ["measure_on_surface"]
 
@@ -67,7 +68,7 @@ def measure_on_surface(placement: Placement, launcher: Launcher, meshes: HeatMes
     problem, surface = placement.problem, placement.problem.domain
     assert isinstance(surface, Surface)
     bodies, area = bodies_on_surface(placement, launcher), placement.area
-    errors, whole, excess = _coverage_errors(placement, bodies, meshes or HeatMeshes(launcher, surface))
+    errors, whole, excess = _coverage_errors(placement, bodies, meshes or HeatMeshes(launcher, surface), launcher)
     share, _ = ground_on_surface(problem, surface, 0.0)
     covered = float(area.sum() / (surface.area * max(share, 1e-9)))
     smallest, closest, usual = _spacing(placement, bodies, launcher) or (None, None, None)
@@ -76,7 +77,7 @@ def measure_on_surface(placement: Placement, launcher: Launcher, meshes: HeatMes
 
 
 def _coverage_errors(
-    placement: Placement, bodies: BodiesOnSurface, meshes: HeatMeshes
+    placement: Placement, bodies: BodiesOnSurface, meshes: HeatMeshes, launcher: Launcher
 ) -> tuple[list[float], float, Callable[[int], float]]:
     """Coverage errors of all classes, and of all bodies together; and what tells the ``excess`` of a class."""
     problem, area, class_index = placement.problem, placement.area, placement.class_index
@@ -93,9 +94,11 @@ def _coverage_errors(
         charges.append(mesh.deposit.charges(bodies.triangle[own], bodies.barycentric[own], area[own]))
         totals.append(float(area[own].sum()))
         charge, target, coarser = charges[k], targets[k], meshes.of(_count_of_mesh(body_class.body_count, n))
+        beside = _density_beside(placement, bodies, k, launcher)
         if coarser is not mesh:
             charge = coarser.deposit.charges(bodies.triangle[own], bodies.barycentric[own], area[own])
-            target = coarser.target(density, standing)
+        if beside is not None or coarser is not mesh:
+            target = coarser.target(beside or density, bodies.points.triangle[own] if beside else standing)
         errors.append(coarser.error(charge, totals[k], target, body_class.body_count))
 
     def excess(k: int) -> float:
@@ -110,6 +113,22 @@ def _coverage_errors(
     amount = np.array([sum((s.count or 0) * s.mean_area for s in c.sizes) for c in problem.classes])
     target, charge = mesh.mixed(targets, (amount / amount.sum()).tolist()), mesh.mixed(charges, [1.0] * len(charges))
     return errors, mesh.error(charge, sum(totals), target, n), excess
+
+
+def _density_beside(
+    placement: Placement, bodies: BodiesOnSurface, class_index: int, launcher: Launcher
+) -> Callable[[PointsOnSurface], np.ndarray] | None:
+    """Density of a class at points, without the ground that large bodies of others take; None where hardly any or nearly all is."""
+    taken, body_class = taken_ground(placement, launcher, class_index), placement.problem.classes[class_index]
+    if taken is None:
+        return None
+
+    def beside(points: PointsOnSurface) -> np.ndarray:
+        return body_class.density_on(points) * taken.at(points)
+
+    sample = bodies.points.surface.sample()
+    enough = float(beside(sample).sum()) >= LEAST_FREE * float(body_class.density_on(sample).sum())
+    return beside if enough else None
 
 
 def _count_of_mesh(count: int, most: int) -> int:

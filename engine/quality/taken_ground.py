@@ -1,0 +1,162 @@
+"""Ground that large bodies of other classes take, where small ones cannot be.
+
+A class of small bodies is as even as it can be where it has its density beside the large ones. So its coverage error counts the
+ground of these as it counts that of obstacles: nothing is asked for there.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..problem.body_footprints import CAPSULE, BodyFootprints
+from ..problem.domain import Domain
+from ..problem.ground_of_large import LARGE_FROM
+from ..problem.placement import Placement
+from ..problem.placement_footprints import footprints_of_placement
+from ..problem.surface import PointsOnSurface
+from . import kernels_taken_ground
+
+__all__ = ["LEAST_FREE", "TakenGround", "taken_ground"]
+
+# Cells along every axis of the table that bodies are looked up in.
+CELLS = 64
+# At least so large a share of what a class asks for has to be free; where less is, its density counts as it is.
+LEAST_FREE = 0.1
+
+
+class TakenGround:
+    """Ground that bodies take: that within a radius of a segment.
+
+    Args:
+        launcher: Runs the kernels.
+        middle: Middle of every segment [m], shape ``[n, 3]``.
+        half: From there to its end [m], shape ``[n, 3]``.
+        radius: [m], shape ``[n]``.
+        normal: Where the ground looks to there, shape ``[n, 3]``.
+    """
+
+    def __init__(
+        self, launcher: Launcher, middle: np.ndarray, half: np.ndarray, radius: np.ndarray, normal: np.ndarray
+    ) -> None:
+        self._launcher = launcher
+        # In float32, from near by and in a unit that fits.
+        self._origin, self._unit = middle.mean(axis=0), float(radius.max() + np.linalg.norm(half, axis=1).max())
+        self._middle, self._half, self._radius, self._normal = middle, half, radius, normal
+
+    def _capsules(self, origin: np.ndarray, unit: float) -> kernels_taken_ground.Capsules:
+        launcher, capsules = self._launcher, kernels_taken_ground.Capsules()
+        capsules.middle = launcher.array((self._middle - origin) / unit, wp.vec3)
+        capsules.half = launcher.array(self._half / unit, wp.vec3)
+        capsules.radius = launcher.array(self._radius / unit, float)
+        return capsules
+
+    def in_cells(self, domain: Domain, shape: tuple[int, int]) -> np.ndarray:
+        """Return 1 for every cell of a rectangle that is free, and 0 for others, of this shape; row 0 at the bottom."""
+        launcher, (rows, columns) = self._launcher, shape
+        free = launcher.array(np.ones(rows * columns, np.float32), float)
+        size = [length / self._unit for length in domain.size]
+        inputs = [self._capsules(np.zeros(3), self._unit), rows, columns, *size, int(domain.periodic)]
+        launcher.launch(kernels_taken_ground.take_cells, len(self._radius), inputs, [free], grain=GRAIN_OF_NEIGHBORS)
+        return free.numpy().reshape(shape)
+
+    def at(self, points: PointsOnSurface) -> np.ndarray:
+        """Return 1 for points of a surface that are free, and 0 for others, shape ``[n]``."""
+        launcher = self._launcher
+        capsules = self._capsules(self._origin, self._unit)
+        grid = wp.HashGrid(CELLS, CELLS, CELLS, device=launcher.device)
+        grid.build(capsules.middle, 1.0)
+        free = launcher.empty(len(points.triangle), float)
+        place = launcher.array((points.position - self._origin) / self._unit, wp.vec3)
+        inputs = [grid.id, place, launcher.array(points.normal, wp.vec3), capsules]
+        launcher.launch(
+            kernels_taken_ground.find_free,
+            len(free),
+            [*inputs, launcher.array(self._normal, wp.vec3), 1.0],
+            [free],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
+        return free.numpy().astype(np.float64)
+
+
+def taken_ground(placement: Placement, launcher: Launcher, class_index: int) -> TakenGround | None:
+    """Return the ground that larger bodies of other classes take from one; None where there is none.
+
+    They are longer than wide by as much as their outlines: each is taken for a capsule of its width and area.
+    """
+    problem = placement.problem
+    if not problem.avoid_overlap or len(problem.classes) < 2:
+        return None
+    own = placement.class_index == class_index
+    apart = problem.balance.classes_apart
+    others = ~own if apart is None else ~own & apart[class_index][placement.class_index]
+    if not own.any() or not others.any():
+        return None
+    # Usual areas say at once where nobody is large.
+    area = placement.area
+    if area[others].max() < LARGE_FROM * area[own].mean():
+        return None
+    footprints = footprints_of_placement(placement)
+    large = np.flatnonzero(others & (area >= LARGE_FROM * float(area[own].mean())))
+    ground = footprints.areas(placement.length, placement.width, apart=True)
+    around = float(np.sqrt(ground[own] / math.pi).mean())
+    along, length, radius, shift = _as_capsules(placement, footprints, large)
+    half = 0.5 * length[:, None] * along
+    return TakenGround(
+        launcher,
+        _in_space(placement, large, shift) + _position(placement, large),
+        _in_space(placement, large, half),
+        radius + around,
+        np.broadcast_to([0.0, 0.0, 1.0], (len(large), 3)) if placement.normal is None else placement.normal[large],
+    )
+
+
+def _as_capsules(
+    placement: Placement, footprints: BodyFootprints, some: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Bodies as capsules of their widths and areas.
+
+    Returns:
+        Directions of their axes, shape ``[n, 2]``; lengths of these [m] and radii [m], shape ``[n]``, with what they keep for
+        themselves; and from their positions to their middles [m], shape ``[n, 2]``.
+    """
+    shape, scale = footprints.shape[some], footprints.factor[some]
+    room, gap = footprints.room[some], footprints.gap[some]
+    of_shape = [(outline.width, outline.area, *_axis(outline.corners)) for outline in footprints.shapes]
+    width, area, axis, middle = (np.array(values) for values in zip(*of_shape, strict=True))
+    width, area = width[shape] * scale * room, area[shape] * (scale * room) ** 2
+    length = np.maximum(area - 0.25 * math.pi * width**2, 0.0) / width
+    # On a surface the tangent is a body's own x axis.
+    heading = placement.angle[some] if placement.tangent is None else np.zeros(len(some))
+    turn = heading + np.where(footprints.is_outline[some], axis[shape], 0.0)
+    is_capsule = shape == CAPSULE
+    length = np.where(is_capsule, placement.length[some] * room, length)
+    width = np.where(is_capsule, placement.width[some] * room, width)
+    shift = middle[shape] * (scale * room * ~is_capsule)[:, None]
+    cosine, sine = np.cos(heading), np.sin(heading)
+    shift = np.stack([cosine * shift[:, 0] - sine * shift[:, 1], sine * shift[:, 0] + cosine * shift[:, 1]], axis=1)
+    return np.stack([np.cos(turn), np.sin(turn)], axis=1), length, 0.5 * width + 0.5 * gap, shift
+
+
+def _axis(corners: np.ndarray) -> tuple[float, np.ndarray]:
+    """Angle [rad] of the direction in which corners extend the farthest, and the middle between them."""
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    away = corners - corners.mean(axis=0)
+    direction = np.linalg.eigh(away.T @ away)[1][:, -1]
+    return math.atan2(direction[1], direction[0]), 0.5 * (low + high)
+
+
+def _position(placement: Placement, some: np.ndarray) -> np.ndarray:
+    position = placement.position[some]
+    return position if position.shape[1] == 3 else np.pad(position, ((0, 0), (0, 1)))
+
+
+def _in_space(placement: Placement, some: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Vectors along the ground [m], shape ``[n, 2]``, in space, shape ``[n, 3]``: on a surface x is along tangents."""
+    if placement.normal is None or placement.tangent is None:
+        return np.pad(vector, ((0, 0), (0, 1)))
+    normal, tangent = placement.normal[some], placement.tangent[some]
+    return vector[:, :1] * tangent + vector[:, 1:] * np.cross(normal, tangent)
