@@ -30,6 +30,8 @@ BODIES_PER_CELL = 16.0
 # Pixels along the radius of a usual body in which obstacles are looked at, along the longer side of the domain at most.
 PIXELS_PER_RADIUS = 8.0
 PIXELS = 512
+# Bodies are pressed by how densely this share of them is asked for, of those that are asked for the most densely.
+PRESSED = 0.1
 # What fits is known about: a count that was rounded up to a whole body is not too much.
 ABOUT = 1.01
 
@@ -43,11 +45,13 @@ class Cover:
         fits: Share of the ground that can be covered without overlap, as an estimate. It depends on how long bodies are, and on
             whether they may turn or are parallel.
         crowded: Share of the bodies that are asked for at places where more is asked for than fits; 0 if there are none.
+        pressed: Share of the ground that the densest tenth of the bodies are asked to take where they are; ``covered`` if unknown.
     """
 
     covered: float
     fits: float
     crowded: float
+    pressed: float = 0.0
 
     @property
     def too_much(self) -> bool:
@@ -86,8 +90,8 @@ def cover_of(problem: Problem) -> Cover:
     if isinstance(problem.domain, Surface):
         # Where on a surface it is crowded, only the run tells.
         share, loose = ground_on_surface(problem, problem.domain, 0.5 * float(disc_radius(float(area.mean()))))
-        most = float((_apart(problem) @ of_class).max())
-        return Cover(most / max(share * problem.domain.area, 1e-300), fits * loose / max(share, 1e-300), 0.0)
+        covered = float((_apart(problem) @ of_class).max()) / max(share * problem.domain.area, 1e-300)
+        return Cover(covered, fits * loose / max(share, 1e-300), 0.0, covered)
     fits *= share_inside(problem.domain, float(area.mean())) * _share_beside_obstacles(
         problem, problem.domain, float(area.mean())
     )
@@ -130,7 +134,10 @@ def cover_of_images(problem: Problem, images: Sequence[np.ndarray], of_class: np
     covered = float((apart @ of_class).max()) / max(float(free.sum()) * cell, 1e-300)
     too_much = asked > CROWDED * fits * np.maximum(free, 1e-12) * cell
     crowded = float(asked[too_much].sum() / asked.sum())
-    return Cover(covered, fits, crowded)
+    local = (asked / (np.maximum(free, 1e-12) * cell)).ravel()
+    densest_first = np.argsort(-local, kind="stable")
+    place = np.searchsorted(np.cumsum(asked.ravel()[densest_first]), PRESSED * asked.sum())
+    return Cover(covered, fits, crowded, float(local[densest_first[min(int(place), local.size - 1)]]))
 
 
 def _apart(problem: Problem) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..descent.convergence import LAST_STEPS, TOLERANCE, is_settled
+from ..descent.convergence import TOLERANCE, is_settled, last_steps
 from ..descent.descent import Descent
 from ..descent.surface_descent import SurfaceDescent
 from ..device.devices import resolve_device
@@ -290,7 +290,7 @@ class Solver:
         """
         max_steps = check_count(max_steps, "`max_steps`")
         check_progress(progress)
-        residuals: deque[float] = deque(maxlen=LAST_STEPS)
+        residuals: deque[float] = deque(maxlen=last_steps(max_steps))
         step = 0
         corrections = self._placing.corrections(max_steps)
         while step < max_steps:
@@ -298,7 +298,7 @@ class Solver:
             # Without a progress callback, many steps run without returning to Python, and a GPU's residual is not read after each.
             many = 1
             if progress is None:
-                unwatched = max(min(until, max_steps - LAST_STEPS) - step, 1)
+                unwatched = max(min(until, max_steps - last_steps(max_steps)) - step, 1)
                 if self.launcher.device.is_cuda:
                     many = 1 if self.launcher.profiled else min(STEPS_UNWATCHED, unwatched)
                 elif step > 0:
@@ -319,7 +319,7 @@ class Solver:
                 self._placing.descent.correct_targets()
             elif rests:
                 return step, True
-        return max_steps, step > 1 and is_settled(self.model, float(np.median(residuals)))
+        return max_steps, step > 1 and is_settled(self.model, list(residuals))
 
     @property
     def heat(self) -> HeatMeshes | None:

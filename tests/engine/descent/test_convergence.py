@@ -1,0 +1,43 @@
+"""When bodies count as settled whose steps have run out."""
+
+import math
+
+import numpy as np
+import pytest
+from esh import BodyClass, Domain, Problem, Size, cover_of, solve
+
+
+def pebbles_among_boulders(most, seed=1):
+    """Pebbles that are to cover up to so much of the ground on a hill, and boulders on a fifth of it."""
+    rows, columns = np.mgrid[0:100, 0:160]
+    away = np.hypot((columns + 0.5) / 4.0 - 20.0, (rows + 0.5) / 4.0 - 12.5)
+    hill = 0.05 + 0.95 * np.exp(-0.5 * (away / 8.0) ** 2)
+    count = round(most * 1000.0 * hill.mean() / 0.25)
+    pebbles = BodyClass("pebble", [Size("s", 0.25, count)], hill)
+    boulders = BodyClass("boulder", [Size("s", math.pi * 2.0**2, 16)])
+    return Problem(Domain((40.0, 25.0)), [pebbles, boulders], avoid_overlap=True, seed=seed)
+
+
+def test_what_jostles_in_a_crowded_place_has_settled_once_nothing_changes():
+    problem = pebbles_among_boulders(0.75)
+    assert cover_of(problem).covered < 0.6 < cover_of(problem).pressed
+    reports = [
+        [solve(pebbles_among_boulders(0.75, seed), device="cpu", max_steps=steps).report for steps in (100, 250)]
+        for seed in range(1, 5)
+    ]
+    # One step in ten is so long that it may hide that.
+    assert sum(report.converged for of_seed in reports for report in of_seed) >= 7
+    for of_seed in reports:
+        errors = [[entry.coverage_error for entry in report.classes] for report in of_seed]
+        np.testing.assert_allclose(*errors, rtol=0.1)
+    assert not solve(problem, device="cpu", max_steps=4).report.converged
+
+
+def test_how_much_of_the_ground_the_densest_tenth_is_to_cover():
+    def pressed(density, avoid=True):
+        body_class = BodyClass("a", [Size("s", 0.1, 2000)], density)
+        return cover_of(Problem(Domain((20.0, 20.0)), [body_class], avoid_overlap=avoid)).pressed
+
+    assert pressed(1.0) == pytest.approx(0.5)
+    # Nine tenths of the bodies stand on half of the ground.
+    assert pressed(np.array([[9.0, 1.0]])) == pytest.approx(0.9)
