@@ -117,14 +117,15 @@ class Balance(Settings):
         Args:
             counts: Bodies of every class.
             areas: Footprint of the largest bodies of every class, in any unit.
-            most_alone: What the identity of every class is raised to at most, at least 1; None for any.
+            most_alone: What the identity of every class is raised to at most, above 0; None for any.
         """
         count, area = np.asarray(counts, np.float64), np.asarray(areas, np.float64)
         apart = np.ones((len(count), len(count))) if self.non_overlap is None else np.asarray(self.non_overlap)
         rarity = np.minimum(count.max() / count, MOST_RARE)
         smallness = np.clip(area.max() / (TIMES_AS_LARGE * area), 1.0, MOST_SMALL)
         own = np.minimum((rarity * smallness) ** self.rare_emphasis, MOST_RAISED)
-        own = own if most_alone is None else np.minimum(own, most_alone)
+        if most_alone is not None:
+            own = np.minimum(own, most_alone ** min(self.rare_emphasis, 1.0))
         alike = np.minimum.outer(area, area) / np.maximum.outer(area, area)
         raised = (np.minimum.outer(rarity, rarity) ** (SHARED_POWER * self.rare_emphasis) - 1.0) * alike
         alpha = self.class_separation

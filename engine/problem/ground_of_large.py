@@ -20,8 +20,8 @@ from .surface import Surface
 
 __all__ = ["most_alone"]
 
-# Areas from which on a body is large beside another: nothing changes up to the first ratio, everything from the second on. Up to the
-# first, bodies stand in gaps between each other.
+# Areas from which on a body is large beside another: nothing changes up to the first ratio, everything from the second on. Bodies that
+# are more alike stand in gaps between each other.
 LARGE_FROM, LARGE = 3.0, 9.0
 # Cells along the longer side of a rectangle in which it is compared how dense small and large ones stand.
 CELLS = 32
@@ -29,14 +29,14 @@ CELLS = 32
 PIXELS_OF_CELL = 16
 # Forces go in steps of this share: a stroke of a brush does not change how all bodies act on each other.
 STEP = 0.2
-# Share of its mean density below which a class counts as absent.
-ABSENT = 0.02
+# What is left of the paper's own factor at least where small ones are so dense that large ones push them too little even with that.
+LEAST_ALONE = 0.05
 
 
 def most_alone(problem: Problem) -> np.ndarray:
     """Return the largest own factor of every class with which large bodies of others push its own enough, shape ``[classes]``.
 
-    See :meth:`.Balance.class_factors`. It is infinite where no large ones keep off, and 1 at least, which is the paper's.
+    See :meth:`.Balance.class_factors`. It is infinite where no large ones keep off; the paper's is 1.
     """
     alpha, result = problem.balance.class_separation, np.full(len(problem.classes), math.inf)
     if not problem.avoid_overlap or len(problem.classes) < 2 or alpha in {0.0, 1.0}:
@@ -60,8 +60,8 @@ def most_alone(problem: Problem) -> np.ndarray:
         if len(large):
             least = large[np.argmin(wanted[small, large])]
             push = math.exp(STEP * round(math.log(wanted[small, least]) / STEP))
-            most = max((1.0 / push - 1.0) * alpha / (1.0 - alpha), 1.0)
-            result[small] = most ** (1.0 / max(float(largeness[small, least]), 0.1))
+            most = max((1.0 / push - 1.0) * alpha / (1.0 - alpha), LEAST_ALONE)
+            result[small] = most / float(largeness[small, least]) ** 3
     return result
 
 
@@ -82,18 +82,19 @@ def _radii(problem: Problem) -> np.ndarray:
 def _density_where_others_are(problem: Problem) -> np.ndarray:
     """Return how dense each class is asked to be where the bodies of each other are, over its mean, shape ``[classes, classes]``.
 
-    Where a class is absent does not count: an erased spot changes nothing around others.
+    It is the mean over those of its bodies that are there: an erased spot changes nothing around others.
     """
     if isinstance(problem.domain, Surface):
         points = problem.domain.sample()
-        found = [_shares(c.density_on(points) if c.varies_on_surface else np.ones(1)) for c in problem.classes]
+        found = [c.density_on(points) if c.varies_on_surface else np.ones(1) for c in problem.classes]
     else:
         width, height = problem.rectangle.size
-        rows, columns = (max(1, round(CELLS * length / max(width, height))) for length in (height, width))
-        found = [_shares(_thinned(c.density_image), (rows, columns)) for c in problem.classes]
-    share, present = (np.stack(np.broadcast_arrays(*values)) for values in zip(*found, strict=True))
-    met = present @ share.T
-    result: np.ndarray = np.divide(share @ share.T, met, out=np.zeros_like(met), where=met > 0.0)
+        cells = max(1, round(CELLS * height / max(width, height))), max(1, round(CELLS * width / max(width, height)))
+        images = [c.density_image for c in problem.classes]
+        found = [np.ones(1) if one.size == 1 else in_cells(_thinned(one), cells).ravel() for one in images]
+    share = np.stack(np.broadcast_arrays(*[one / max(float(one.mean()), 1e-300) for one in found]))
+    together = share @ share.T
+    result: np.ndarray = np.divide(share**2 @ share.T, together, out=np.zeros_like(together), where=together > 0.0)
     return result
 
 
@@ -101,14 +102,3 @@ def _thinned(image: np.ndarray) -> np.ndarray:
     """Every so many pixels of an image, of which cells have enough."""
     rows, columns = (max(1, length // (CELLS * PIXELS_OF_CELL)) for length in image.shape)
     return image[::rows, ::columns]
-
-
-def _shares(density: np.ndarray, cells: tuple[int, int] | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """A density over its mean, and which part of it is not next to nothing, at points or in ``cells`` of an image; flat."""
-    if density.size == 1:
-        return np.ones(1), np.ones(1)
-    mean = float(density.mean(dtype=np.float64))
-    present = density > ABSENT * mean
-    if cells is None:
-        return density / max(mean, 1e-300), present.astype(np.float64)
-    return in_cells(density, cells).ravel() / mean, in_cells(present, cells).ravel()

@@ -29,6 +29,8 @@ def pushed_by(problem):
 
 def test_a_large_body_counts_for_as_many_as_it_leaves_no_ground_for():
     per_area = 3000 / 1600.0
+    crowded = group_bodies(boulders_and_tufts(Domain((40.0, 40.0)), counts=(30, 30_000))).matrix
+    assert 0.5 < crowded[0, 1] / crowded[1, 1] < 1.0, "more than with the paper's factors"
     for room, gap, radius in ((1.0, 0.0, SMALL), (2.0, 0.0, 2.0 * SMALL), (1.0, 0.4, SMALL + 0.2)):
         found = pushed_by(boulders_and_tufts(Domain((40.0, 40.0)), room=room, gap=gap))
         displaced = per_area * math.pi * (LARGE + radius) ** 2
@@ -52,6 +54,7 @@ def test_the_factors_stay_where_overlap_is_allowed_and_those_of_the_paper_where_
     for changed in (
         {"apart": False},
         {"balance": Balance(rare_emphasis=0.0)},
+        {"balance": Balance(rare_emphasis=0.0), "counts": (30, 30_000)},
         {"balance": Balance(non_overlap=np.eye(2))},
     ):
         problem = boulders_and_tufts(Domain((40.0, 40.0)), **changed)
