@@ -5,8 +5,9 @@ The engine is divided into packages, called rooms, which import each other in on
 - ``problem``: what is asked for, and the result. ``device``: how kernels run.
 - ``transforms``, ``space``, ``surface``, ``heat``: Fourier transforms, the rectangular domain, triangle meshes, smoothing on these.
 - ``field`` and ``cascade``: fast forces in the plane and on surfaces.
-- ``model``, ``motion``, ``contact``, ``descent``, ``edits``, ``solver``: the solver, from compiled tables to whole runs.
-- ``quality``: measures placements, independently of the solver. ``solve.py`` is the only file that uses both.
+- ``quality``: measures placements, independently of how they were made.
+- ``model``, ``motion``, ``contact``, ``descent``, ``edits``, ``solver``: the solver, from compiled tables to whole runs, at whose end
+  ``solver`` has ``quality`` make the report.
 - ``files`` and ``drawing`` read, write and draw; of the rooms above they need ``problem`` only.
 - ``scenes``, ``tiles`` and ``cli``: many scenes, huge domains, the command line.
 

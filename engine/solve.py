@@ -1,4 +1,4 @@
-"""solve(): from a problem to a placement with a report. The only file that uses both the solver and the room ``quality``."""
+"""solve(): from a problem to a placement with a report."""
 
 from __future__ import annotations
 
@@ -93,24 +93,17 @@ def solve_on(
         parting: About how many seconds outlines that overlap are parted after ``progress`` has stopped the run. With 0, or more than
             ``MOST_PARTED_AFTER_STOP`` bodies, overlaps are left.
     """
-    start_time = time.perf_counter()
     with Solver(problem, launcher=launcher) as solver:
         watched = _Watched(progress)
         solver.choose_start(max_steps, None if progress is None else watched.at_times)
-        steps, converged = solver.run(max_steps, None if progress is None else watched)
+        solver.run(max_steps, None if progress is None else watched)
         if watched.go_on():
             solver.separate(None if progress is None else watched.go_on)
         elif parting and problem.body_count <= MOST_PARTED_AFTER_STOP:
             deadline = time.perf_counter() + parting
             # What takes longer than this by itself, and stirs more bodies, is left out.
             solver.separate(lambda: time.perf_counter() < deadline, again=True)
-        with solver.launcher.phase("report"):
-            heat = solver.heat
-            placement = solver.last_placement()
-            report = measure(placement, solver.launcher, heat)
-        converged = converged and (report.clean or not problem.avoid_overlap)
-        seconds = time.perf_counter() - start_time
-        return replace(placement, report=replace(report, steps=steps, converged=converged, seconds=seconds))
+        return solver.last_placement()
 
 
 def moved(placement: Placement, position: np.ndarray, device: str = "auto") -> Placement:

@@ -27,7 +27,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "contact": {"cascade", "device", "geometry", "model", "motion", "problem", "space", "surface"},
     "descent": {"cascade", "contact", "device", "geometry", "heat", "model", "motion", "problem", "space", "surface"},
     "edits": {"descent", "device", "model", "motion", "problem", "space", "surface"},
-    "solver": {"descent", "device", "edits", "heat", "model", "motion", "problem", "space"},
+    "solver": {"descent", "device", "edits", "heat", "model", "motion", "problem", "quality", "space"},
     "quality": {"device", "field", "geometry", "heat", "problem", "space", "surface", "transforms"},
     "files": {"problem"},
     "drawing": {"files", "problem"},

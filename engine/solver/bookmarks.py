@@ -10,6 +10,7 @@ from ..device.launcher import Launcher
 from ..errors import ProblemError
 from ..model.model import Model
 from ..problem.validation import check_is
+from .record import Record
 
 __all__ = ["Bookmark", "Bookmarks"]
 
@@ -22,11 +23,13 @@ class Bookmark:
         model: The compiled problem.
         descent: The descent, with the state of the bodies.
         next_identity: The identity that the next new body would have got.
+        record: What was done to the bodies.
     """
 
     model: Model
     descent: Descent | SurfaceDescent
     next_identity: int
+    record: Record
 
 
 class Bookmarks:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from types import TracebackType
 from typing import Any, NamedTuple
 
@@ -29,11 +30,13 @@ from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.surface import Surface
 from ..problem.validation import check_count, check_is, check_progress
+from ..quality.measurement import measure
 from .bookmarks import Bookmark
 from .placing import CLOSED, GivenPlaces
 from .placing_in_plane import PlacingInPlane
 from .placing_on_surface import PlacingOnSurface
 from .progress import Progress, is_stop
+from .record import Record
 
 __all__ = ["Edit", "Solver"]
 
@@ -111,6 +114,7 @@ class Solver:
         self.launcher = launcher or Launcher(resolve_device(device), profile)
         self._is_shared, self._closed = launcher is not None, False
         self._left_at: np.ndarray | None = None
+        self._record = Record()
         try:
             check_is(problem, Problem, "`problem`")
             placing = PlacingOnSurface if isinstance(problem.domain, Surface) else PlacingInPlane
@@ -119,7 +123,7 @@ class Solver:
             if flags is not None:
                 flags = checked_flags(flags, problem.body_count)
             check_memory(problem)
-            with self.launcher.phase("set-up"):
+            with self._record, self.launcher.phase("set-up"):
                 self._placing: PlacingInPlane | PlacingOnSurface = placing(Model(problem, flags), self.launcher)
                 if at is not None:
                     self.start_at(**at)
@@ -167,14 +171,16 @@ class Solver:
         placing.cut()
         placing.check_domain(problem)
         check_memory(problem)
-        with self.launcher.phase("set-up"):
-            added, removed, settle = placing.edit(problem)
-        placing.next_identity = max(placing.next_identity, int(added.max(initial=-1)) + 1)
-        if steps:
-            settle(steps)
-            self._stepped(steps)
-        if steps or problem.avoid_overlap:
-            self.separate(again=True)
+        self._record = Record()
+        with self._record:
+            with self.launcher.phase("set-up"):
+                added, removed, settle = placing.edit(problem)
+            placing.next_identity = max(placing.next_identity, int(added.max(initial=-1)) + 1)
+            if steps:
+                settle(steps)
+                self._stepped(steps)
+            if steps or problem.avoid_overlap:
+                self.separate(again=True)
         return Edit(in_order(added), in_order(removed), steps)
 
     def bookmark(self) -> Bookmark:
@@ -185,7 +191,7 @@ class Solver:
         """
         placing = self._placing
         placing.cut()
-        return placing.bookmarks.add(Bookmark(placing.model, placing.descent, placing.next_identity))
+        return placing.bookmarks.add(Bookmark(placing.model, placing.descent, placing.next_identity, self._record))
 
     def go_back(self, bookmark: Bookmark) -> None:
         """Return to the problem and the bodies of a bookmark. Takes no time, as nothing is compiled or computed again.
@@ -196,6 +202,7 @@ class Solver:
         self._check_open()
         self._placing.bookmarks.check(bookmark)
         self._placing.return_to(bookmark)
+        self._record = bookmark.record
 
     def drop(self, bookmark: Bookmark) -> None:
         """Delete a bookmark and release its memory.
@@ -224,6 +231,7 @@ class Solver:
             ProblemError: It is the state of another problem.
         """
         self._placing.start_from(state)
+        self._record = Record()
 
     def start_at(
         self,
@@ -261,7 +269,9 @@ class Solver:
             self._placing.take_identities(identity, model.fixed)
         if variant is not None or scale is not None:
             model.take_outlines(given_outlines(model, variant, scale))
-        self._placing.start_at(GivenPlaces(position, angle, length, triangle, barycentric))
+        self._record = Record()
+        with self._record:
+            self._placing.start_at(GivenPlaces(position, angle, length, triangle, barycentric))
 
     def step(self, count: int = 1) -> float:
         """Take ``count`` steps, and return the residual after the last one: see :attr:`Progress.residual`.
@@ -270,8 +280,9 @@ class Solver:
             ProblemError: A force is not finite, or ``count`` is not a valid number of steps.
         """
         count = check_count(count, "`count`")
-        self.descent.step.play(count)
-        return self._stepped(count)
+        with self._record:
+            self.descent.step.play(count)
+            return self._stepped(count)
 
     def _stepped(self, count: int) -> float:
         """Count steps that were taken, and return the residual."""
@@ -280,6 +291,7 @@ class Solver:
             residual = self.descent.direction.residual()
         if math.isnan(residual):
             raise ProblemError(OVERFLOW, Refusal(Reason.FORCES_NOT_FINITE, 1, 0))
+        self._record.stepped(count, residual)
         return residual
 
     def run(self, max_steps: int, progress: Callable[[Progress], bool | None] | None = None) -> tuple[int, bool]:
@@ -290,6 +302,13 @@ class Solver:
         """
         max_steps = check_count(max_steps, "`max_steps`")
         check_progress(progress)
+        with self._record:
+            steps, settled = self._run(max_steps, progress)
+        self._record.rests = settled
+        return steps, settled
+
+    def _run(self, max_steps: int, progress: Callable[[Progress], bool | None] | None) -> tuple[int, bool]:
+        """Do what :meth:`run` does, with arguments that were checked."""
         residuals: deque[float] = deque(maxlen=last_steps(max_steps))
         step = 0
         corrections = self._placing.corrections(max_steps)
@@ -341,7 +360,8 @@ class Solver:
             assert progress is not None
             return not is_stop(progress(Progress(0, max_steps, self.descent.direction.residual(), self._position)))
 
-        return self._placing.choose_start(max_steps, None if progress is None else go_on)
+        with self._record:
+            return self._placing.choose_start(max_steps, None if progress is None else go_on)
 
     def separate(self, go_on: Callable[[], bool] | None = None, *, again: bool = False) -> bool:
         """Part outlines that still overlap, if the problem avoids overlap. On a surface, part bodies of a class that are too close.
@@ -353,6 +373,11 @@ class Solver:
         Returns:
             Whether no outlines overlap that are to keep apart; True if the problem allows overlap.
         """
+        with self._record:
+            return self._separate(go_on, again)
+
+    def _separate(self, go_on: Callable[[], bool] | None, again: bool) -> bool:
+        """Do what :meth:`separate` does."""
         self._placing.cut()
         self._face(0.0)
         self._placing.keep_least_spacing(go_on)
@@ -386,10 +411,13 @@ class Solver:
         turns.assign(turn)
         return bool(away.any())
 
-    def placement(self) -> Placement:
-        """Return the bodies where they are now, without a report.
+    def placement(self, *, report: bool = False) -> Placement:
+        """Return the bodies where they are now.
 
         With a natural border, this drops the bodies beyond it for good: later steps treat the border as open.
+
+        Args:
+            report: Whether to measure them, too, as :meth:`measured` does. Of many bodies that takes longer than an edit of a few.
 
         Raises:
             ProblemError: A position is not finite.
@@ -399,18 +427,43 @@ class Solver:
         # A single position that is not finite makes the sum not finite.
         if not np.isfinite(placement.position.sum()):
             raise ProblemError(OVERFLOW, Refusal(Reason.FORCES_NOT_FINITE, 1, 0))
-        return self._placing.finished(placement)
+        placement = self._placing.finished(placement)
+        return self.measured(placement) if report else placement
+
+    def measured(self, placement: Placement) -> Placement:
+        """Return a placement of this solver with its report, made as :func:`~esh.solve` makes it.
+
+        The report's steps, seconds and ``converged`` are those until now of what was done since the solver was made, or since its
+        last :meth:`edit`; waiting between the calls does not count. After an edit ``converged`` is False where more steps of
+        :meth:`run` would still move bodies a little.
+
+        Args:
+            placement: What :meth:`placement` has returned, since the last edit.
+        """
+        self._check_open()
+        check_is(placement, Placement, "`placement`")
+        return self._with_report(placement, self.heat)
+
+    def _with_report(self, placement: Placement, heat: HeatMeshes | None) -> Placement:
+        done = self._record
+        with done:
+            with self.launcher.phase("report"):
+                report = measure(placement, self.launcher, heat)
+            converged = done.has_settled(self.model) and (report.clean or not placement.problem.avoid_overlap)
+            report = replace(report, steps=done.steps, converged=converged, seconds=done.seconds)
+        return replace(placement, report=report)
 
     def last_placement(self) -> Placement:
-        """Return :meth:`placement`, and release the memory that steps need, so that the report can use it.
+        """Return :meth:`placement` with its report, for which it releases the memory that steps need.
 
         The solver can take no steps after that.
         """
+        heat = self.heat
         placement = self.placement()
         # Whoever was told how the run goes may ask where bodies are even now.
         self._left_at = placement.position
         self._placing.let_go()
-        return placement
+        return self._with_report(placement, heat)
 
     def close(self) -> None:
         """Release memory and threads; a ``launcher`` that was passed in stays open. See :class:`Solver` for what fails afterwards."""

@@ -14,7 +14,6 @@ from ...engine.errors import EshError
 from ...engine.problem.placement import Placement
 from ...engine.problem.problem import Problem
 from ...engine.problem.surface import Surface
-from ...engine.quality.measurement import measure
 from ...engine.solver.bookmarks import Bookmark
 from ...engine.solver.solver import Solver
 from ..classes.survey import Survey
@@ -263,10 +262,12 @@ class LiveWorker:
         self._shown, self._shows_nothing = job, False
         try:
             with self._solver.launcher.interruptible(self._drop_if_unwanted):
-                report = measure(placement, self._solver.launcher, self._solver.heat)
+                placement = self._solver.measured(placement)
         except _DroppedError:
             return False
-        report = replace(report, steps=steps, converged=True, seconds=time.perf_counter() - start)
+        assert placement.report is not None
+        # An edit has done what it is to do, and reading Blender's data counts for whoever waits.
+        report = replace(placement.report, steps=steps, converged=True, seconds=time.perf_counter() - start)
         job.placement = job.with_leaning(replace(placement, report=report))
         self._publish(Outcome(request, job, job.placement, seconds=report.seconds))
         self._unevenness = unevenness(report.to_dict())

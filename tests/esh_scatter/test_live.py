@@ -341,11 +341,11 @@ def test_what_cannot_be_solved_is_said_and_it_goes_on_when_it_can(scatter, follo
 
 @pytest.mark.parametrize("surface", ["ABOVE", "WHOLE"])
 def test_a_report_that_is_being_made_does_not_hold_up_the_next_edit(scatter, follow, monkeypatch, surface):
-    from esh.esh_scatter.solving import live_worker
+    from esh.engine.solver import solver
 
     scatter.surface = surface
     switch_on(scatter, follow)
-    measured, ended = live_worker.measure, []
+    measured, ended = solver.measure, []
     (one,) = live._followed.values()
 
     def measure(placement, launcher, heat):
@@ -360,7 +360,7 @@ def test_a_report_that_is_being_made_does_not_hold_up_the_next_edit(scatter, fol
         finally:
             ended.append(launcher.python_launches - launches)
 
-    monkeypatch.setattr(live_worker, "measure", measure)
+    monkeypatch.setattr(solver, "measure", measure)
     pine = scatter.classes["Pine"].sizes[0]
     pine.count = 220
     follow(lambda: bool(ended) and len(points("Pine")) == 220)

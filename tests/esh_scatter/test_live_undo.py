@@ -40,19 +40,19 @@ def test_undo_is_followed(scatter, follow):
 
 
 def test_what_was_asked_for_before_an_undo_is_not_shown_after_it(scatter, follow, monkeypatch):
-    from esh.esh_scatter.solving import live_worker
+    from esh.engine.solver import solver
 
     bpy.ops.ed.undo_push(message="before")
     there = switch_on(scatter, follow)
     bpy.ops.ed.undo_push(message="live")
-    measured, measuring, may_measure = live_worker.measure, threading.Event(), threading.Event()
+    measured, measuring, may_measure = solver.measure, threading.Event(), threading.Event()
 
     def measure(placement, launcher, heat):
         measuring.set()
         assert may_measure.wait(30.0)
         return measured(placement, launcher, heat)
 
-    monkeypatch.setattr(live_worker, "measure", measure)
+    monkeypatch.setattr(solver, "measure", measure)
     scatter.classes["Pine"].sizes[0].count = 220
     bpy.ops.ed.undo_push(message="count")
     follow(lambda: measuring.is_set() and len(points("Pine")) == 220)

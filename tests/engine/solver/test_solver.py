@@ -1,8 +1,11 @@
 """Solver: step by step like solve(), states that are kept, saved and gone on from, bodies that stay or do not count."""
 
 import gc
+import time
 import weakref
 from contextlib import closing
+from dataclasses import replace
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
@@ -20,8 +23,10 @@ from esh.engine.problem.fixed_bodies import FixedBodies
 from esh.engine.problem.line import Line
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
+from esh.engine.problem.surface import Surface, SurfaceMesh
 from esh.engine.quality.measurement import measure
 from esh.engine.solve import solve
+from esh.engine.solver import solver as solver_module
 from esh.engine.solver.placing import Placing
 from esh.engine.solver.placing_in_plane import PlacingInPlane
 from esh.engine.solver.placing_on_surface import PlacingOnSurface
@@ -185,6 +190,7 @@ USES = {
     "state": lambda solver, _: solver.state,
     "placement": lambda solver, _: solver.placement(),
     "last_placement": lambda solver, _: solver.last_placement(),
+    "measured": lambda solver, kept: solver.measured(kept["placement"]),
     "bookmark": lambda solver, _: solver.bookmark(),
     "start_from": lambda solver, kept: solver.start_from(kept["state"]),
     "start_at": lambda solver, kept: solver.start_at(kept["position"]),
@@ -199,7 +205,8 @@ USES = {
 def test_a_solver_that_was_closed_says_so(use, shared, boundary):
     with closing(Launcher(resolve_device("cpu"))) as launcher:
         with Solver(problem_of("contact", boundary), **({"launcher": launcher} if shared else {})) as solver:
-            kept = {"state": solver.state.copy(), "position": solver.placement().position}
+            placement = solver.placement()
+            kept = {"state": solver.state.copy(), "position": placement.position, "placement": placement}
             kept["bookmark"] = solver.bookmark()
             solver.step()
         solver.close()
@@ -230,6 +237,60 @@ def test_one_of_the_last_steps_alone_does_not_tell_whether_bodies_have_settled(l
 
         monkeypatch.setattr(Direction, "residual", residual)
         assert solver.run(20, (lambda _: None) if watched else None) == (20, expected)
+
+
+@pytest.mark.parametrize("kind", ["dots", "lines", "contact"])
+@pytest.mark.parametrize("steps", [4, 150])
+def test_a_solver_reports_what_solve_does(kind, steps):
+    problem = problem_of(kind)
+    whole = solve(problem, device="cpu", max_steps=steps).report
+    with Solver(problem, device="cpu") as solver:
+        solver.choose_start(steps)
+        solver.run(steps)
+        solver.separate()
+        report = solver.placement(report=True).report
+        assert solver.placement().report is None
+        assert solver.last_placement().report == replace(report, seconds=ANY)
+    assert report == replace(whole, seconds=report.seconds) and 0.0 < report.seconds < 600.0
+    assert whole.steps > 1 and (steps > 4 or not whole.converged)
+
+
+@pytest.mark.parametrize("flat", [True, False])
+def test_a_report_after_an_edit_tells_of_the_edit(flat, monkeypatch):
+    sheet = SurfaceMesh([[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [9.0, 6.0, 0.0], [0.0, 6.0, 0.0]], [[0, 1, 2], [0, 2, 3]])
+    domain = Domain((9.0, 6.0)) if flat else Surface([sheet])
+
+    def asked(count):
+        return Problem(domain, [BodyClass("a", [Size("s", 0.1, count)])], avoid_overlap=True, seed=2)
+
+    made = []
+    monkeypatch.setattr(solver_module, "measure", lambda *given: made.append(given) or measure(*given))
+    with Solver(asked(100), device="cpu") as solver:
+        solver.run(60)
+        start = solver.bookmark()
+        solver.edit(asked(120), steps=0)
+        assert not made, "a report that nobody asked for takes time"
+        assert not solver.placement(report=True).report.converged, "bodies have had no steps to settle in"
+        solver.edit(asked(120), steps=7)
+        placement = solver.placement()
+        report = solver.measured(placement).report
+        assert (report.steps, report.overlaps) == (7, 0)
+        assert report.classes[0].sizes[0].placed == 120 and placement.report is None
+        assert report.coverage_error == measure(placement, solver.launcher).coverage_error
+        solver.run(200)
+        assert solver.placement(report=True).report.converged
+        solver.go_back(start)
+        assert 7 < solver.placement(report=True).report.steps <= 60
+        solver.step(3)
+        assert solver.placement(report=True).report.steps > 10
+
+
+def test_waiting_between_steps_is_no_time_of_a_solver():
+    with Solver(problem_of("dots"), device="cpu") as solver:
+        solver.step(2)
+        before = solver.placement(report=True).report.seconds
+        time.sleep(0.5)
+        assert solver.placement(report=True).report.seconds < before + 0.45
 
 
 def test_one_step_does_not_tell_that_bodies_have_settled():
