@@ -12,7 +12,7 @@
     class_separation = 0.5         # default
     size_emphasis = 2.0            # default; or a list, one for each larger size
     rare_emphasis = 1.0            # default; 0: classes of few bodies are treated as all others
-    non_overlap = [[1, 0], [0, 1]] # one row per class: 1 = keep apart, 0 = may overlap; default: all keep apart
+    non_overlap = [[1, 0], [0, 1]] # pairs of classes: 0 = each as if the other were not there; default: all 1
     [[class]]
     name = "pine"
     density = "pine.png"           # beside the recipe, white = many; or a number for a uniform density

@@ -71,8 +71,10 @@ class Balance(Settings):
     non_overlap: np.ndarray | Sequence[Sequence[float]] | None = field(
         default=None,
         metadata=setting(
-            "Which classes keep apart: 1 where two must, 0 where they may overlap. None keeps all apart",
-            more="One row and column per class, symmetric, 1 on the diagonal (section 5 of Schmaltz, Gwosdek and Weickert 2012). "
+            "Which classes make room for each other: 1 where two do, 0 where each is spread as if the other were not there. "
+            "None: all do",
+            more="It keeps footprints apart only with ``avoid_overlap``, and then those of all pairs that are not 0. One row and "
+            "column per class, symmetric, 1 on the diagonal (section 5 of Schmaltz, Gwosdek and Weickert 2012). "
             "The classes' factors are (1 - alpha) identity + alpha non_overlap",
             check=validation.check_non_overlap,
         ),

@@ -61,12 +61,12 @@ class Ink:
 
 @dataclass(frozen=True, eq=False)
 class InkModel:
-    """A list of inks, and which of them must not overlap (the paper's non-overlap map).
+    """A list of inks, and whose dots make room for each other (the paper's non-overlap map).
 
     Args:
         name: E.g. ``"CMYK"``.
         inks: At least one; cyan, magenta and yellow themselves must be among them, so that every color can be made.
-        non_overlap: Symmetric, shape ``[inks, inks]``, 1 on the diagonal.
+        non_overlap: Symmetric, shape ``[inks, inks]``, 1 on the diagonal: see :class:`Balance`.
     """
 
     name: str

@@ -13,6 +13,8 @@ class NoteKind(StrEnum):
     OTHER = "other"
     # How many pairs overlap, and how deep the deepest does.
     OVERLAPS = "overlaps"
+    # The same where footprints are not kept apart, and which setting would.
+    MAY_OVERLAP = "may overlap"
     # What footprints cover, and that they cannot fit: known before the run, too.
     COVER = "cover"
     # Coverage errors are large because of how large some bodies are, or because of where fixed ones are; saved reports call both so.

@@ -148,7 +148,9 @@ def check_non_overlap(value: object, key: str = "`balance.non_overlap`") -> np.n
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
         raise ProblemError(f"{key} must be a square matrix of numbers, one row per class; got {show(value)}")
     if not (np.isfinite(matrix).all() and (matrix >= 0.0).all() and (matrix <= 1.0).all()):
-        raise ProblemError(f"{key} must hold numbers between 0 (may overlap) and 1 (must not); got {show(value)}")
+        raise ProblemError(
+            f"{key} must hold numbers between 0 (the two ignore each other) and 1 (they make room); got {show(value)}"
+        )
     uneven = np.argwhere(matrix != matrix.T)
     if len(uneven):
         i, j = uneven[0]
@@ -157,7 +159,7 @@ def check_non_overlap(value: object, key: str = "`balance.non_overlap`") -> np.n
         )
     if not (np.diag(matrix) == 1.0).all():
         raise ProblemError(
-            f"{key} must be 1 on its diagonal: no class may overlap itself; got {show(np.diag(matrix).tolist())}"
+            f"{key} must be 1 on its diagonal: every class makes room for itself; got {show(np.diag(matrix).tolist())}"
         )
     return matrix
 

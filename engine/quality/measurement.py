@@ -12,13 +12,10 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..heat.heat_mesh import HeatMeshes
 from ..problem.body_footprints import DISC, BodyFootprints
-from ..problem.cover import cover_of
-from ..problem.note import Note, NoteKind
 from ..problem.of_bodies import is_same, one_by_one
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
 from ..problem.prepared_class import PreparedClass
-from ..problem.problem import Problem
 from ..problem.report import ClassReport, Report, SizeReport
 from ..problem.surface import Surface
 from ..space.asked_counts import share_in_use
@@ -27,7 +24,15 @@ from . import kernels_spacing
 from .coverage import Coverage
 from .errors_of_few import ErrorsExplained, explain_errors
 from .measured_bodies import MeasuredBodies, measured_bodies
-from .out_of_place import OutOfPlace, out_of_place
+from .notes import (
+    notes_on_distant_outlines,
+    notes_on_fixed,
+    notes_on_fixed_places,
+    notes_on_overlaps,
+    notes_on_places,
+    notes_on_room,
+)
+from .out_of_place import out_of_place
 from .overlaps import Overlaps, overlaps_of, overlaps_of_fixed, overlaps_of_fixed_on_surface
 from .spacing import Spacing, measure_spacing
 from .surface_measurement import measure_on_surface
@@ -70,16 +75,16 @@ def measure(placement: Placement, launcher: Launcher, heat: HeatMeshes | None = 
     covered = float(seen.sum() / (domain.area * share_in_use(problem)))
     spacing = measure_spacing(bodies, _number_density(bodies, problem.classes))
     overlaps = _overlaps(placement, launcher, footprints, bodies, spacing)
-    notes = [note for c in problem.classes for note in c.notes] + explained.notes
-    notes += _notes_on_overlaps(problem, overlaps, covered)
-    notes += _notes_on_places(problem, misplaced := out_of_place(placement, launcher, footprints))
+    notes = [note for c in problem.classes for note in c.notes] + notes_on_room(problem) + explained.notes
+    notes += notes_on_overlaps(placement, overlaps, covered)
+    notes += notes_on_places(problem, misplaced := out_of_place(placement, launcher, footprints))
     of_fixed = Overlaps(0)
     if problem.avoid_overlap and np.count_nonzero(placement.fixed) > 1:
         of_fixed = overlaps_of_fixed(placement, launcher, footprints)
-    notes += _notes_on_fixed(of_fixed)
+    notes += notes_on_fixed(of_fixed)
     if placement.fixed.any():
         # As if only the others were.
-        notes += _notes_on_fixed_places(out_of_place(replace(placement, fixed=~placement.fixed), launcher, footprints))
+        notes += notes_on_fixed_places(out_of_place(replace(placement, fixed=~placement.fixed), launcher, footprints))
     apart = [spacing]
     if len(problem.classes) > 1:
         apart = [_spacing_of_class(placement, index, launcher) for index in range(len(problem.classes))]
@@ -146,7 +151,7 @@ def _overlaps(
 def _report_on_surface(placement: Placement, launcher: Launcher, heat: HeatMeshes | None) -> Report:
     """What :func:`measure` returns, for a placement on a surface."""
     found = measure_on_surface(placement, launcher, heat)
-    notes = [note for c in placement.problem.classes for note in c.notes]
+    notes = [note for c in placement.problem.classes for note in c.notes] + notes_on_room(placement.problem)
     surface = placement.problem.domain
     if isinstance(surface, Surface) and surface.looks_inwards:
         notes.append(INWARDS)
@@ -155,15 +160,15 @@ def _report_on_surface(placement: Placement, launcher: Launcher, heat: HeatMeshe
     explained = explain_errors(placement, placement.area, found.errors, found.whole, found.excess)
     notes += explained.notes
     overlaps = found.overlaps
-    notes += _notes_on_overlaps(placement.problem, overlaps, found.covered)
+    notes += notes_on_overlaps(placement, overlaps, found.covered)
     misplaced = out_of_place_on_surface(placement, launcher)
-    notes += _notes_on_places(placement.problem, misplaced) + _notes_on_distant_outlines(placement.problem)
+    notes += notes_on_places(placement.problem, misplaced) + notes_on_distant_outlines(placement.problem)
     of_fixed = Overlaps(0)
     if placement.problem.avoid_overlap and np.count_nonzero(placement.fixed) > 1:
         of_fixed = overlaps_of_fixed_on_surface(placement, launcher)
-    notes += _notes_on_fixed(of_fixed)
+    notes += notes_on_fixed(of_fixed)
     if placement.fixed.any():
-        notes += _notes_on_fixed_places(out_of_place_on_surface(placement, launcher, fixed=True))
+        notes += notes_on_fixed_places(out_of_place_on_surface(placement, launcher, fixed=True))
     return Report(
         steps=0,
         converged=False,
@@ -185,93 +190,6 @@ def _report_on_surface(placement: Placement, launcher: Launcher, heat: HeatMeshe
         classes=_class_reports(placement, found.errors, explained.kept_off),
         notes=tuple(notes),
     )
-
-
-def _notes_on_overlaps(problem: Problem, overlaps: Overlaps, covered: float) -> list[str]:
-    """Say what still overlaps, and why; ``covered`` is the share of the ground that footprints have come to take."""
-    if not overlaps.count:
-        return []
-    notes: list[str] = []
-    warning = None
-    if problem.avoid_overlap:
-        pairs = (
-            "1 pair of footprints still overlaps"
-            if overlaps.count == 1
-            else f"{overlaps.count} pairs of footprints still overlap"
-        )
-        notes.append(Note(f"{pairs}, the deepest by {overlaps.deepest:.3g} m", NoteKind.OVERLAPS))
-        warning = cover_of(problem).warning
-    if warning is not None:
-        notes.append(warning)
-    # What shrank, as lines do in a crowd, or lies beyond the border may have fitted for all that.
-    # Classes that are to cover the ground, and may overlap, are asked to do so.
-    elif covered > 1.0 and (problem.avoid_overlap or not any(_covers(c) for c in problem.classes)):
-        notes.append(
-            f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; "
-            "lower the counts or the areas"
-        )
-    return notes
-
-
-def _notes_on_places(problem: Problem, found: OutOfPlace) -> list[str]:
-    """Say what lies in obstacles or reaches across the border, and what helps."""
-    if not (found.in_obstacles or found.beyond_border):
-        return []
-    notes = []
-    # Where there is room for all, those that are left may only need time to find it.
-    helps = ("" if cover_of(problem).warning else "take more steps, or ") + "lower the counts or the areas"
-    if found.in_obstacles:
-        lie = "1 body lies" if found.in_obstacles == 1 else f"{found.in_obstacles} bodies lie"
-        notes.append(f"{lie} in obstacles, the deepest by {found.deepest:.3g} m; {helps}")
-    if found.beyond_border:
-        reach = "1 body reaches" if found.beyond_border == 1 else f"{found.beyond_border} bodies reach"
-        notes.append(f"{reach} across the border, the farthest by {found.farthest:.3g} m; {helps}")
-    return notes
-
-
-def _notes_on_distant_outlines(problem: Problem) -> list[str]:
-    """Say which obstacles were given so far from the surface that their outlines do not reach it: their places may be wrong."""
-    away = problem.outlines_on_surface.out_of_reach
-    if not len(away):
-        return []
-    if len(away) == 1:
-        return [
-            f"an obstacle's `position` is {away[0]:.3g} m from the surface: it was taken to the nearest point of it"
-        ]
-    farthest = f"the farthest {away.max():.3g} m"
-    return [
-        f"{len(away)} positions of obstacles are far from the surface, {farthest}: they were taken to the nearest points of it"
-    ]
-
-
-def _notes_on_fixed(found: Overlaps) -> list[str]:
-    """Say which fixed bodies overlap each other, which nothing can part."""
-    if not found.count:
-        return []
-    pairs = "1 pair of fixed bodies overlaps" if found.count == 1 else f"{found.count} pairs of fixed bodies overlap"
-    return [f"{pairs} each other, the deepest by {found.deepest:.3g} m: they stay where they are"]
-
-
-def _notes_on_fixed_places(found: OutOfPlace) -> list[str]:
-    """Say which fixed bodies lie in obstacles or reach across the border, which nothing can move."""
-    notes = []
-    if found.in_obstacles == 1:
-        notes.append(f"1 fixed body lies in obstacles, by {found.deepest:.3g} m: it stays where it is")
-    elif found.in_obstacles:
-        deepest = f"the deepest by {found.deepest:.3g} m"
-        notes.append(f"{found.in_obstacles} fixed bodies lie in obstacles, {deepest}: they stay where they are")
-    if found.beyond_border == 1:
-        notes.append(f"1 fixed body reaches across the border, by {found.farthest:.3g} m: it stays where it is")
-    elif found.beyond_border:
-        farthest = f"the farthest by {found.farthest:.3g} m"
-        notes.append(
-            f"{found.beyond_border} fixed bodies reach across the border, {farthest}: they stay where they are"
-        )
-    return notes
-
-
-def _covers(body_class: PreparedClass) -> bool:
-    return body_class.asked is not None and body_class.asked.count == "cover"
 
 
 def _class_reports(

@@ -439,9 +439,14 @@ class Solver:
 
         Args:
             placement: What :meth:`placement` has returned, since the last edit.
+
+        Raises:
+            ProblemError: Some bodies are ghosts (:class:`BodyFlags`): what remains without them is not what the problem asks for.
         """
         self._check_open()
         check_is(placement, Placement, "`placement`")
+        if len(placement.position) != placement.problem.body_count:
+            raise ProblemError("a placement without its ghosts has no report")
         return self._with_report(placement, self.heat)
 
     def _with_report(self, placement: Placement, heat: HeatMeshes | None) -> Placement:

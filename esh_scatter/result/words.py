@@ -206,10 +206,11 @@ def notes(report: dict[str, Any], *, foreseen: bool = False) -> list[str]:
 
     Where it is ``foreseen`` how much ground footprints take, and said below the button, that is not said again.
     """
-    # How many overlap, and how deep, has a line of its own; and neither coverage errors are shown that would have to be explained, nor
-    # settings that do nothing.
+    # How many overlap, and how deep, has a line of its own, and whoever lets them overlap has switched Avoid Overlap off; and neither
+    # coverage errors are shown that would have to be explained, nor settings that do nothing.
     elsewhere = {
         NoteKind.OVERLAPS,
+        NoteKind.MAY_OVERLAP,
         NoteKind.ERROR_OF_FEW,
         NoteKind.ALL_TOGETHER,
         NoteKind.IGNORED,

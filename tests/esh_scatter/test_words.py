@@ -187,6 +187,8 @@ def test_a_report_that_is_kept_says_what_its_notes_are_about():
     kept = json.loads(json.dumps(words.kept(made)))
     for told in (made, kept, json.loads(json.dumps(words.kept(kept)))):
         assert words.notes(told) == ["Too much", "A"] and words.notes(told, foreseen=True) == ["A"]
+    switched_off = [Note("`avoid_overlap` would", NoteKind.MAY_OVERLAP), Note("no `gap` then", NoteKind.IGNORED)]
+    assert words.notes(report(overlaps=3, may_overlap=True, notes=switched_off)) == []
     assert words.notes(report(notes=["12 pairs still overlap"])) == ["12 pairs still overlap"], (
         "no words are looked for"
     )

@@ -146,6 +146,8 @@ def test_ghosts_act_and_are_not_part_of_the_placement():
     with Solver(problem, device="cpu", flags=flags) as solver:
         solver.step(8)
         placement = solver.placement()
+        with pytest.raises(ProblemError, match="without its ghosts has no report"):
+            solver.measured(placement)
     whole = solve(problem, device="cpu", max_steps=8)
     shown = flags == 0
     assert len(placement.position) == shown.sum()

@@ -1,0 +1,163 @@
+"""Sentences of a report on what overlaps, lies in obstacles or reaches across the border: what is so, and what helps."""
+
+from __future__ import annotations
+
+import math
+
+from ..problem.cover import cover_of
+from ..problem.note import Note, NoteKind
+from ..problem.placement import Placement
+from ..problem.prepared_class import PreparedClass
+from ..problem.problem import Problem
+from .out_of_place import OutOfPlace
+from .overlaps import MOST_NAMED, Overlaps
+
+__all__ = [
+    "notes_on_distant_outlines",
+    "notes_on_fixed",
+    "notes_on_fixed_places",
+    "notes_on_overlaps",
+    "notes_on_places",
+    "notes_on_room",
+]
+
+# Overlaps of footprints that nobody asked to keep apart are told of where at least this share of the bodies overlap others, and the
+# deepest by at least this share of the smaller one's width. A few of thousands that touch are seen by nobody.
+MANY, DEEP = 0.05, 0.1
+ONLY_IF = "footprints are only kept apart if `avoid_overlap` is true"
+
+
+def notes_on_overlaps(placement: Placement, overlaps: Overlaps, covered: float) -> list[str]:
+    """Say what overlaps, why, and what helps; ``covered`` is the share of the ground that footprints have come to take."""
+    if not overlaps.count:
+        return []
+    problem = placement.problem
+    notes: list[str] = []
+    warning = None
+    if problem.avoid_overlap:
+        pairs = _pairs(overlaps.count, "still overlap")
+        notes.append(Note(f"{pairs}, the deepest by {overlaps.deepest:.3g} m", NoteKind.OVERLAPS))
+        warning = cover_of(problem).warning
+    if warning is not None:
+        notes.append(warning)
+    # What shrank, as lines do in a crowd, or lies beyond the border may have fitted for all that.
+    # Classes that are to cover the ground, and may overlap, are asked to do so.
+    elif covered > 1.0 and (problem.avoid_overlap or not any(_covers(c) for c in problem.classes)):
+        notes.append(
+            f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; "
+            "lower the counts or the areas"
+        )
+    elif not problem.avoid_overlap and _is_unwanted(placement, overlaps):
+        pairs = f"{_pairs(overlaps.count, 'overlap')}, the deepest by {overlaps.deepest:.3g} m"
+        notes.append(Note(f"{pairs}: {ONLY_IF}", NoteKind.MAY_OVERLAP))
+    return notes
+
+
+def _pairs(count: int, overlap: str) -> str:
+    return f"1 pair of footprints {overlap}s" if count == 1 else f"{count} pairs of footprints {overlap}"
+
+
+def _is_unwanted(placement: Placement, overlaps: Overlaps) -> bool:
+    """Whether footprints that nobody asked to keep apart overlap so much that somebody will mind, and nothing asked for it.
+
+    Lines that cross are hatching. Dots overlap for the tone of a picture where their density is a share to cover or was sharpened,
+    where it asks for more than fits, and where all are alike: they only meet where it is high. Outlines are those of solid things.
+    """
+    problem = placement.problem
+    sizes = [size for body_class in problem.classes for size in body_class.sizes]
+    if any(_is_tone(c) for c in problem.classes) or any(size.line is not None for size in sizes):
+        return False
+    if len(overlaps.bodies) < min(MANY * len(placement.position), MOST_NAMED) or overlaps.pair is None:
+        return False
+    pair = list(overlaps.pair)
+    if problem.balance.class_separation == 0.0 and len(set(placement.class_index[pair].tolist())) > 1:
+        # Each class is spread as if the other were not there.
+        return False
+    if overlaps.deepest < DEEP * 2.0 * math.sqrt(float(placement.area[pair].min()) / math.pi):
+        return False
+    if any(size.footprint is not None for size in sizes):
+        return True
+    alike = len(sizes) == 1 and not isinstance(sizes[0].area, tuple)
+    return not alike and cover_of(problem).warning is None
+
+
+def _is_tone(body_class: PreparedClass) -> bool:
+    """Whether a class draws a picture: what it covers is asked for, or its density was prepared as that of a halftone is."""
+    asked = body_class.asked
+    return _covers(body_class) or (asked is not None and (asked.density_correction or asked.unsharp is not None))
+
+
+def notes_on_room(problem: Problem) -> list[str]:
+    """Say which distances between footprints do nothing, as these are not kept apart."""
+    notes: list[str] = []
+    for body_class in () if problem.avoid_overlap else problem.classes:
+        given = {
+            "gap": max(body_class.gap, *(size.gap for size in body_class.sizes)) > 0.0,
+            "room": max(body_class.room, *(size.room for size in body_class.sizes)) > 1.0,
+        }
+        if names := [f"`{name}`" for name, is_given in given.items() if is_given]:
+            does = "does" if len(names) == 1 else "do"
+            text = f'{" and ".join(names)} of class "{body_class.name}" {does} nothing: {ONLY_IF}'
+            notes.append(Note(text, NoteKind.IGNORED))
+    return notes
+
+
+def notes_on_places(problem: Problem, found: OutOfPlace) -> list[str]:
+    """Say what lies in obstacles or reaches across the border, and what helps."""
+    if not (found.in_obstacles or found.beyond_border):
+        return []
+    notes = []
+    # Where there is room for all, those that are left may only need time to find it.
+    helps = ("" if cover_of(problem).warning else "take more steps, or ") + "lower the counts or the areas"
+    if found.in_obstacles:
+        lie = "1 body lies" if found.in_obstacles == 1 else f"{found.in_obstacles} bodies lie"
+        notes.append(f"{lie} in obstacles, the deepest by {found.deepest:.3g} m; {helps}")
+    if found.beyond_border:
+        reach = "1 body reaches" if found.beyond_border == 1 else f"{found.beyond_border} bodies reach"
+        notes.append(f"{reach} across the border, the farthest by {found.farthest:.3g} m; {helps}")
+    return notes
+
+
+def notes_on_distant_outlines(problem: Problem) -> list[str]:
+    """Say which obstacles were given so far from the surface that their outlines do not reach it: their places may be wrong."""
+    away = problem.outlines_on_surface.out_of_reach
+    if not len(away):
+        return []
+    if len(away) == 1:
+        return [
+            f"an obstacle's `position` is {away[0]:.3g} m from the surface: it was taken to the nearest point of it"
+        ]
+    farthest = f"the farthest {away.max():.3g} m"
+    return [
+        f"{len(away)} positions of obstacles are far from the surface, {farthest}: they were taken to the nearest points of it"
+    ]
+
+
+def notes_on_fixed(found: Overlaps) -> list[str]:
+    """Say which fixed bodies overlap each other, which nothing can part."""
+    if not found.count:
+        return []
+    pairs = "1 pair of fixed bodies overlaps" if found.count == 1 else f"{found.count} pairs of fixed bodies overlap"
+    return [f"{pairs} each other, the deepest by {found.deepest:.3g} m: they stay where they are"]
+
+
+def notes_on_fixed_places(found: OutOfPlace) -> list[str]:
+    """Say which fixed bodies lie in obstacles or reach across the border, which nothing can move."""
+    notes = []
+    if found.in_obstacles == 1:
+        notes.append(f"1 fixed body lies in obstacles, by {found.deepest:.3g} m: it stays where it is")
+    elif found.in_obstacles:
+        deepest = f"the deepest by {found.deepest:.3g} m"
+        notes.append(f"{found.in_obstacles} fixed bodies lie in obstacles, {deepest}: they stay where they are")
+    if found.beyond_border == 1:
+        notes.append(f"1 fixed body reaches across the border, by {found.farthest:.3g} m: it stays where it is")
+    elif found.beyond_border:
+        farthest = f"the farthest by {found.farthest:.3g} m"
+        notes.append(
+            f"{found.beyond_border} fixed bodies reach across the border, {farthest}: they stay where they are"
+        )
+    return notes
+
+
+def _covers(body_class: PreparedClass) -> bool:
+    return body_class.asked is not None and body_class.asked.count == "cover"

@@ -1,0 +1,97 @@
+"""What a report says of overlaps that nobody asked to avoid, and where it says nothing as they are meant."""
+
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
+from esh.engine.problem.balance import Balance
+from esh.engine.problem.body_class import BodyClass, Unsharp
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.footprint import Footprint
+from esh.engine.problem.line import Line
+from esh.engine.problem.note import NoteKind, kind_of
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
+from esh.engine.problem.surface import Surface, SurfaceMesh
+from esh.engine.quality.measurement import measure
+from esh.engine.solve import solve
+
+SIDE = 50.0
+SQUARE = Domain((SIDE, SIDE))
+FLAT = SurfaceMesh([[0.0, 0.0, 0.0], [SIDE, 0.0, 0.0], [SIDE, SIDE, 0.0], [0.0, SIDE, 0.0]], [[0, 1, 2], [0, 2, 3]])
+NAMED = "footprints are only kept apart if `avoid_overlap` is true"
+
+
+def crowd(domain=SQUARE, share=0.7, **more):
+    """Large and small discs that add up to a share of the ground and have room beside each other."""
+    classes = [
+        BodyClass(name, [Size("one", 0.5 * share * SIDE**2 / count, count)])
+        for name, count in (("tree", 100), ("bush", 600))
+    ]
+    return Problem(domain, classes, **more)
+
+
+def told(problem, steps=30):
+    report = solve(problem, device="cpu", max_steps=steps).report
+    return [note for note in report.notes if kind_of(note) == NoteKind.MAY_OVERLAP], report
+
+
+@pytest.mark.parametrize("domain", [SQUARE, Surface([FLAT])], ids=["plane", "surface"])
+def test_overlaps_that_nobody_asked_to_avoid_name_the_setting(domain):
+    (note,), report = told(crowd(domain))
+    assert (
+        note == f"{report.overlaps} pairs of footprints overlap, the deepest by {report.deepest_overlap:.3g} m: {NAMED}"
+    )
+    assert not told(crowd(domain, avoid_overlap=True))[0]
+    assert not told(crowd(domain, 0.3))[0]
+
+
+def test_a_single_pair_of_outlines_is_told_of_among_few():
+    few = Problem(SQUARE, [BodyClass("hut", [Size("one", None, 3, footprint=Footprint.rectangle(4.0, 3.0))])])
+    placement = solve(few, device="cpu", max_steps=2)
+    there = replace(placement, position=np.array([[10.0, 10.0], [12.0, 11.0], [40.0, 40.0]]), angle=np.zeros(3))
+    with closing(Launcher(resolve_device("cpu"))) as launcher:
+        notes = measure(there, launcher).notes
+    assert notes == (f"1 pair of footprints overlaps, the deepest by 2 m: {NAMED}",)
+
+
+def test_a_few_that_touch_are_not_told_of():
+    notes, report = told(crowd(share=0.45), steps=100)
+    assert report.overlaps and not notes
+
+
+@pytest.mark.parametrize("kind", ["stippling", "hatching", "cover", "sharpened", "classes by themselves", "too dark"])
+def test_what_overlaps_on_purpose_is_not_told_of(kind):
+    ramp = np.linspace(0.0, 1.0, 64)[None, :].repeat(64, 0)
+    dots = [Size("large", 1.5, 300), Size("small", 0.5, 900)]
+    line = Line(4.0, "none", width=0.3)
+    problem = {
+        "stippling": lambda: Problem(SQUARE, [BodyClass("ink", [Size("dot", 0.9, 2000)], ramp)]),
+        "hatching": lambda: Problem(SQUARE, [BodyClass("ink", [Size("line", 1.2, 800, line=line)])]),
+        "cover": lambda: Problem(
+            SQUARE, [BodyClass("ink", [Size("a", 1.5, share=0.5), Size("b", 0.5, share=0.5)], ramp, count="cover")]
+        ),
+        "sharpened": lambda: Problem(SQUARE, [BodyClass("ink", dots, ramp, unsharp=Unsharp(1.0, 2.0))]),
+        "classes by themselves": lambda: crowd(balance=Balance(0.0), share=0.4),
+        "too dark": lambda: Problem(SQUARE, [BodyClass("ink", dots, ramp**4)]),
+    }[kind]()
+    notes, report = told(problem)
+    assert report.overlaps > 50 and not notes
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({"gap": 0.1}, '`gap` of class "tree" does nothing: '),
+        ({"gap": 0.1, "room": 1.5}, '`gap` and `room` of class "tree" do nothing: '),
+        ({"room": 0.8}, None),
+    ],
+)
+def test_room_that_nobody_keeps_is_told_of(given, expected):
+    problem = Problem(SQUARE, [BodyClass("tree", [Size("one", 1.0, 20)], **given)])
+    notes = solve(problem, device="cpu", max_steps=2).report.notes
+    assert notes == (() if expected is None else (expected + NAMED,))
+    assert all(kind_of(note) == NoteKind.IGNORED for note in notes)
