@@ -76,7 +76,9 @@ def add_solve(commands: argparse._SubParsersAction) -> None:
         help="file of the object itself, for .usd and .glb; may be given several times",
     )
     parser.add_argument("--report", metavar="R.json", type=Path, help="also write the report, as JSON")
-    parser.add_argument("--plot", metavar="P.png", type=Path, help="draw a plan: each body as a disc of its size")
+    parser.add_argument(
+        "--plot", metavar="P.png", type=Path, help="draw a plan: each body's outline, or a disc of its size"
+    )
     parser.add_argument(
         "--halftone",
         metavar="H",

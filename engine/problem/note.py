@@ -17,6 +17,8 @@ class NoteKind(StrEnum):
     MAY_OVERLAP = "may overlap"
     # What footprints cover, and that they cannot fit: known before the run, too.
     COVER = "cover"
+    # The same where only the run has shown it.
+    CANNOT_FIT = "cannot fit"
     # Coverage errors are large because of how large some bodies are, or because of where fixed ones are; saved reports call both so.
     ERROR_OF_FEW = "unequal areas"
     # Which classes leave room around much larger bodies of others, so that their coverage errors are large.

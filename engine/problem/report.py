@@ -5,12 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass
 
+from .note import NoteKind, kind_of
+
 __all__ = ["ClassReport", "Report", "SizeReport"]
 
 # Peak of a signal over its mean: a dot on every pixel of an image with four times as many pixels as there are dots on average.
 PEAK = 4.0
 # Smallest spacings below this are explained: they come of uneven densities and of sizes that mix, and look like a flaw.
 LOW_SPACING = 0.5
+# Notes that explain all figures: without room for all, nothing else can be as it should.
+FIRST = (NoteKind.COVER, NoteKind.CANNOT_FIT)
+# How the order is printed: between these two.
+ORDER_OF = "random = 0.37, lattice = 1"
 
 
 def _psnr(coverage_error: float) -> float | None:
@@ -164,7 +170,7 @@ class Report:
                 "placed",
                 "coverage error",
                 "smallest spacing (lattice = 1)",
-                "order (lattice = 1)",
+                f"order ({ORDER_OF})",
             )
         ]
         for entry in self.classes:
@@ -182,16 +188,17 @@ class Report:
             ).rstrip()
             for row in rows
         ]
-        noise = "" if self.psnr is None else f" ({self.psnr:.0f} dB)"
+        noise = "" if self.psnr is None else f" (peak signal-to-noise {self.psnr:.0f} dB)"
         state = "converged" if self.converged else "not converged"
         lines = [
+            *(note for note in self.notes if kind_of(note) in FIRST),
             *aligned,
             f"all bodies: coverage error {self.coverage_error:.4f}{noise}, {self._regularity()}, "
             f"{self.overlaps} overlap{'' if self.overlaps == 1 else 's'}, {self.covered:.0%} of the space covered",
             *self._leaning(),
             *self._distances(),
             f"{self.steps} steps, {state}, {self.seconds:.2f} s on {self.device}",
-            *self.notes,
+            *(note for note in self.notes if kind_of(note) not in FIRST),
         ]
         return "\n".join(lines)
 
@@ -203,7 +210,7 @@ class Report:
         if self.smallest_spacing is not None:
             parts.append(f"smallest spacing {self.smallest_spacing:.2f} of a lattice's")
         if self.order is not None:
-            parts.append(f"order {self.order:.2f} (lattice = 1)")
+            parts.append(f"order {self.order:.2f} ({ORDER_OF})")
         return ", ".join(parts)
 
     def _leaning(self) -> list[str]:

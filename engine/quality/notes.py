@@ -43,10 +43,10 @@ def notes_on_overlaps(placement: Placement, overlaps: Overlaps, covered: float) 
     # What shrank, as lines do in a crowd, or lies beyond the border may have fitted for all that.
     # Classes that are to cover the ground, and may overlap, are asked to do so.
     elif covered > 1.0 and (problem.avoid_overlap or not any(_covers(c) for c in problem.classes)):
-        notes.append(
+        text = (
             f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; "
-            "lower the counts or the areas"
         )
+        notes.append(Note(text + "lower the counts or the areas", NoteKind.CANNOT_FIT))
     elif not problem.avoid_overlap and _is_unwanted(placement, overlaps):
         pairs = f"{_pairs(overlaps.count, 'overlap')}, the deepest by {overlaps.deepest:.3g} m"
         notes.append(Note(f"{pairs}: {ONLY_IF}", NoteKind.MAY_OVERLAP))

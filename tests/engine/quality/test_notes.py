@@ -58,6 +58,14 @@ def test_a_single_pair_of_outlines_is_told_of_among_few():
     assert notes == (f"1 pair of footprints overlaps, the deepest by 2 m: {NAMED}",)
 
 
+@pytest.mark.parametrize("avoided", [True, False])
+def test_a_printed_report_begins_with_what_cannot_fit(avoided):
+    report = solve(crowd(share=1.25, avoid_overlap=avoided), device="cpu", max_steps=5).report
+    (note,) = [note for note in report.notes if "125% of " in note]
+    assert str(report).splitlines()[0] == note and str(report).count(note) == 1
+    assert all(other in str(report).splitlines()[3:] for other in report.notes if other != note)
+
+
 def test_a_few_that_touch_are_not_told_of():
     notes, report = told(crowd(share=0.45), steps=100)
     assert report.overlaps and not notes

@@ -207,7 +207,7 @@ def test_a_report_measures_every_class_by_itself(launcher):
     assert report.psnr == pytest.approx(20.0 * math.log10(4.0 / report.coverage_error))
     stored = report.to_dict()
     assert stored["psnr"] == report.psnr and stored["classes"][1]["psnr"] == report.classes[1].psnr
-    assert f"({report.psnr:.0f} dB)" in str(report)
+    assert f" (peak signal-to-noise {report.psnr:.0f} dB), " in str(report)
     rows = [line.split() for line in str(report).splitlines()]
     assert rows[1][-2] == f"{square:.2f}" and rows[3][-2:] == ["-", "-"]
     assert "is compared with" not in str(replace(report, smallest_spacing=0.8))
@@ -217,7 +217,7 @@ def test_a_report_measures_every_class_by_itself(launcher):
     assert (
         ", smallest spacing 0.09 of a lattice's, order" in low and "is compared with what the density asks for" in low
     )
-    assert str(report).splitlines()[0].endswith("  smallest spacing (lattice = 1)  order (lattice = 1)")
+    assert str(report).splitlines()[0].endswith("  smallest spacing (lattice = 1)  order (random = 0.37, lattice = 1)")
     alone = replace(problem, classes=[BodyClass("a", [Size("s", 0.1, 64)])])
     single = measure(Placement(alone, coarse, index[:64], index[:64], *[nothing[:64]] * 3), launcher)
     assert single.classes[0].smallest_spacing == single.smallest_spacing == pytest.approx(square, rel=1e-5)
@@ -284,8 +284,8 @@ def test_the_report_has_the_order_of_all_and_of_each_class():
         assert of_class.order == pytest.approx(sixfold_order(own), abs=2e-3)
     assert report.order == pytest.approx(sixfold_order(placement.position), abs=2e-3)
     assert report.to_dict()["order"] == report.order and report.to_dict()["classes"][0]["order"] > 0.3
-    assert f"order {report.order:.2f}" in str(report) and str(report).splitlines()[0].endswith("order (lattice = 1)")
-    assert "(lattice = 1), 1 overlap, " in str(replace(report, overlaps=1))
+    assert str(report).splitlines()[0].endswith("order (random = 0.37, lattice = 1)")
+    assert f"order {report.order:.2f} (random = 0.37, lattice = 1), 1 overlap, " in str(replace(report, overlaps=1))
     few = replace(report, smallest_spacing=None, closest=None, usual=None, order=None, overlaps=2)
     assert "closest pair -, 2 overlaps, " in str(few)
 
