@@ -94,7 +94,8 @@ def tiles(options: argparse.Namespace) -> int:
         columns, rows = state.tiles
         say(
             f"{state.bodies:,} bodies are placed in {columns * rows:,} tiles, {columns} by {rows}; their list is "
-            f"{options.output / 'index.json'}"
+            f"{options.output / 'index.json'}",
+            *state.notes,
         )
     return 0
 

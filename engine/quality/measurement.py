@@ -12,6 +12,7 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..heat.heat_mesh import HeatMeshes
 from ..problem.body_footprints import DISC, BodyFootprints
+from ..problem.notes_on_settings import notes_on_settings
 from ..problem.of_bodies import is_same, one_by_one
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
@@ -30,7 +31,6 @@ from .notes import (
     notes_on_fixed_places,
     notes_on_overlaps,
     notes_on_places,
-    notes_on_room,
 )
 from .out_of_place import out_of_place
 from .overlaps import Overlaps, overlaps_of, overlaps_of_fixed, overlaps_of_fixed_on_surface
@@ -75,7 +75,7 @@ def measure(placement: Placement, launcher: Launcher, heat: HeatMeshes | None = 
     covered = float(seen.sum() / (domain.area * share_in_use(problem)))
     spacing = measure_spacing(bodies, _number_density(bodies, problem.classes))
     overlaps = _overlaps(placement, launcher, footprints, bodies, spacing)
-    notes = [note for c in problem.classes for note in c.notes] + notes_on_room(problem) + explained.notes
+    notes = notes_on_settings(problem) + explained.notes
     notes += notes_on_overlaps(placement, overlaps, covered)
     notes += notes_on_places(problem, misplaced := out_of_place(placement, launcher, footprints))
     of_fixed = Overlaps(0)
@@ -151,7 +151,7 @@ def _overlaps(
 def _report_on_surface(placement: Placement, launcher: Launcher, heat: HeatMeshes | None) -> Report:
     """What :func:`measure` returns, for a placement on a surface."""
     found = measure_on_surface(placement, launcher, heat)
-    notes = [note for c in placement.problem.classes for note in c.notes] + notes_on_room(placement.problem)
+    notes = notes_on_settings(placement.problem)
     surface = placement.problem.domain
     if isinstance(surface, Surface) and surface.looks_inwards:
         notes.append(INWARDS)

@@ -6,6 +6,7 @@ import math
 
 from ..problem.cover import cover_of
 from ..problem.note import Note, NoteKind
+from ..problem.notes_on_settings import ONLY_IF, is_to_cover, note_on_fit
 from ..problem.placement import Placement
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
@@ -18,13 +19,11 @@ __all__ = [
     "notes_on_fixed_places",
     "notes_on_overlaps",
     "notes_on_places",
-    "notes_on_room",
 ]
 
 # Overlaps of footprints that nobody asked to keep apart are told of where at least this share of the bodies overlap others, and the
 # deepest by at least this share of the smaller one's width. A few of thousands that touch are seen by nobody.
 MANY, DEEP = 0.05, 0.1
-ONLY_IF = "footprints are only kept apart if `avoid_overlap` is true"
 
 
 def notes_on_overlaps(placement: Placement, overlaps: Overlaps, covered: float) -> list[str]:
@@ -41,12 +40,8 @@ def notes_on_overlaps(placement: Placement, overlaps: Overlaps, covered: float) 
     if warning is not None:
         notes.append(warning)
     # What shrank, as lines do in a crowd, or lies beyond the border may have fitted for all that.
-    # Classes that are to cover the ground, and may overlap, are asked to do so.
-    elif covered > 1.0 and (problem.avoid_overlap or not any(_covers(c) for c in problem.classes)):
-        text = (
-            f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; "
-        )
-        notes.append(Note(text + "lower the counts or the areas", NoteKind.CANNOT_FIT))
+    elif (no_room := note_on_fit(problem, covered)) is not None:
+        notes.append(no_room)
     elif not problem.avoid_overlap and _is_unwanted(placement, overlaps):
         pairs = f"{_pairs(overlaps.count, 'overlap')}, the deepest by {overlaps.deepest:.3g} m"
         notes.append(Note(f"{pairs}: {ONLY_IF}", NoteKind.MAY_OVERLAP))
@@ -84,22 +79,7 @@ def _is_unwanted(placement: Placement, overlaps: Overlaps) -> bool:
 def _is_tone(body_class: PreparedClass) -> bool:
     """Whether a class draws a picture: what it covers is asked for, or its density was prepared as that of a halftone is."""
     asked = body_class.asked
-    return _covers(body_class) or (asked is not None and (asked.density_correction or asked.unsharp is not None))
-
-
-def notes_on_room(problem: Problem) -> list[str]:
-    """Say which distances between footprints do nothing, as these are not kept apart."""
-    notes: list[str] = []
-    for body_class in () if problem.avoid_overlap else problem.classes:
-        given = {
-            "gap": max(body_class.gap, *(size.gap for size in body_class.sizes)) > 0.0,
-            "room": max(body_class.room, *(size.room for size in body_class.sizes)) > 1.0,
-        }
-        if names := [f"`{name}`" for name, is_given in given.items() if is_given]:
-            does = "does" if len(names) == 1 else "do"
-            text = f'{" and ".join(names)} of class "{body_class.name}" {does} nothing: {ONLY_IF}'
-            notes.append(Note(text, NoteKind.IGNORED))
-    return notes
+    return is_to_cover(body_class) or (asked is not None and (asked.density_correction or asked.unsharp is not None))
 
 
 def notes_on_places(problem: Problem, found: OutOfPlace) -> list[str]:
@@ -157,7 +137,3 @@ def notes_on_fixed_places(found: OutOfPlace) -> list[str]:
             f"{found.beyond_border} fixed bodies reach across the border, {farthest}: they stay where they are"
         )
     return notes
-
-
-def _covers(body_class: PreparedClass) -> bool:
-    return body_class.asked is not None and body_class.asked.count == "cover"

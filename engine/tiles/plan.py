@@ -17,6 +17,7 @@ from ..problem.cover import Cover, cover_of_images
 from ..problem.direction_field import direction_field
 from ..problem.domain import Domain
 from ..problem.line import Line
+from ..problem.notes_on_settings import note_on_fit, notes_on_settings
 from ..problem.packing import packable_share
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
@@ -117,6 +118,7 @@ class Plan:
         longest: Longest axis of a line [m].
         bending: Charges of the lines that bend, the most that any of these has; 0 where none does.
         rare: Groups that are spread as a whole, because tiles have too few of them to be even.
+        notes: Sentences worth attention that are known without measuring.
     """
 
     problem: Problem
@@ -133,6 +135,7 @@ class Plan:
     longest: float
     bending: int
     rare: tuple[int, ...]
+    notes: tuple[str, ...]
 
 
 def read_tiled_recipe(recipe: str | Path, seed: int | None) -> WindowedRecipe:
@@ -185,7 +188,11 @@ def choose_tiles(scene: WindowedRecipe, length: float | None, on_gpu: bool) -> t
 
 def cover_of_tiles(scene: WindowedRecipe) -> Cover:
     """Return how much of the ground footprints take, on a coarse look at the densities, and without a number for every body."""
-    problem = scene.problem
+    return _cover(scene.problem, [_survey(scene, c)[0] for c in range(len(scene.problem.classes))])
+
+
+def _cover(problem: Problem, surveys: list[np.ndarray]) -> Cover:
+    """What :func:`cover_of_tiles` returns, by what was seen of the densities."""
     of_class, fits = np.zeros(len(problem.classes)), []
     for c, body_class in enumerate(problem.classes):
         ground = [(size.count or 0) * size.mean_ground for size in body_class.sizes]
@@ -194,8 +201,14 @@ def cover_of_tiles(scene: WindowedRecipe) -> Cover:
             area * packable_share([size], body_class.room, body_class.gap)
             for area, size in zip(ground, body_class.sizes, strict=True)
         ]
-    surveys = [_survey(scene, c)[0] for c in range(len(problem.classes))]
     return cover_of_images(problem, surveys, of_class, sum(fits) / of_class.sum())
+
+
+def _notes(problem: Problem, surveys: list[np.ndarray]) -> tuple[str, ...]:
+    """What can be said of a run before it: whatever is measured on bodies needs all of them at once."""
+    cover = _cover(problem, surveys)
+    on_fit = cover.warning if problem.avoid_overlap else note_on_fit(problem, cover.covered)
+    return tuple(([] if on_fit is None else [on_fit]) + notes_on_settings(problem))
 
 
 def passes_of(problem: Problem, layers: int, tiles: tuple[int, int], steps: tuple[int, ...]) -> tuple[Pass, ...]:
@@ -250,6 +263,7 @@ def make_plan(run: TileRun) -> Plan:
         max((line.longest for line in lines.values()), default=0.0),
         max((line.charges for line in lines.values() if line.straightness is not None), default=0),
         _rare(groups, run.tiles),
+        _notes(problem, [shares for shares, _ in surveys]),
     )
 
 

@@ -85,6 +85,8 @@ class TileState:
         workers: Number of processes; 0 if the calling process does all the work.
         seconds: Seconds that all processes have spent so far, added up, by kind of work. ``"between"`` is work on the whole domain
             between two stages, which all processes wait for.
+        notes: Sentences worth the user's attention, as in a :class:`Report`: that the footprints cannot fit, and settings that do
+            nothing. Bodies are not measured, so no note tells how many overlap or how even they are.
     """
 
     stage: int
@@ -97,6 +99,7 @@ class TileState:
     finished: bool = False
     workers: int = 0
     seconds: dict[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
 
 def solve_tiles(
@@ -222,6 +225,7 @@ class _Driver:
             finished,
             self._workers,
             dict(self._times.seconds),
+            plan.notes,
         )
 
     def _parts(self, name: str) -> int:
@@ -487,6 +491,7 @@ def _write_index(run: TileRun, plan: Plan) -> None:
         "bodies": plan.groups.body_count,
         "counted": int(counts.sum()) + rare + len(plan.groups.fixed_identity),
         "size": list(plan.layout.size),
+        "notes": list(plan.notes),
         "classes": [
             {"name": c.name, "sizes": [{"name": s.name, "count": s.count} for s in c.sizes]}
             for c in plan.problem.classes

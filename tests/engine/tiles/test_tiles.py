@@ -368,8 +368,31 @@ def test_what_cannot_fit_is_said_before_it_is_placed(count, said, tmp_path, caps
     )
     arguments = ["tiles", str(tmp_path / "r.toml"), "-o", str(tmp_path / "out"), "--device", "cpu", "--as", ".npz"]
     assert command_line.main([*arguments, "--workers", "0", "--steps", "1,1,1"]) == 0
-    complaints = capsys.readouterr().err
-    assert said in complaints and bool(said) == ("footprints" in complaints)
+    told = capsys.readouterr()
+    assert said in told.err and bool(said) == ("footprints" in told.err)
+    # And at the end, by whoever reads it there.
+    assert said in told.out and bool(said) == ("footprints" in told.out)
+
+
+@pytest.mark.parametrize("avoided", [False, True])
+def test_notes_that_need_no_measuring_are_told(avoided, tmp_path):
+    tree = esh.BodyClass("tree", [esh.Size("any", area=1.5, count=1600)], gap=0.1, clump_size=3.0)
+    problem = esh.Problem(esh.Domain((40.0, 40.0)), [tree], avoid_overlap=avoided)
+    out, seen = tmp_path / "out", []
+    for _ in range(2):
+        state = esh.solve_tiles(
+            problem, out, ending=".npz", steps=(1, 1, 1), device="cpu", workers=0, progress=seen.append
+        )
+        assert state.notes == seen[0].notes
+        assert json.loads((out / "index.json").read_text())["notes"] == list(state.notes)
+    said = ["at most about"] if avoided else ["add up to 150% of", "`gap` of class"]
+    assert len(state.notes) == len(said) + 1 and all(
+        one in note for one, note in zip(said[:1], state.notes, strict=False)
+    )
+    for one in (*said, "`clump_size` of class"):
+        assert any(one in note for note in state.notes)
+    whole = esh.solve(problem, device="cpu", max_steps=1).report.notes
+    assert avoided or set(state.notes) == set(whole)
 
 
 def test_a_geotiff_is_read_by_window_and_keeps_its_place(recipe, tmp_path):
