@@ -86,10 +86,14 @@ import numpy as np
 from ..errors import InputFileError, ProblemError
 from ..problem import validation
 from ..problem.balance import Balance
-from ..problem.body_class import BodyClass
+from ..problem.body_class import BodyClass, Unsharp
 from ..problem.color_separation import MODELS, Ink, InkModel, halftone_problem
 from ..problem.domain import Domain
+from ..problem.fixed_bodies import FixedBodies
 from ..problem.ink_models import DEFAULT_MODEL
+from ..problem.line import Line
+from ..problem.look_at import LookAt
+from ..problem.obstacles import Obstacle
 from ..problem.problem import Problem, ProblemSettings
 from ..problem.size import Size
 from ..problem.surface import Surface
@@ -103,8 +107,34 @@ from .recipe_table import RecipeTable, read_toml
 __all__ = ["ParsedRecipe", "parse_recipe", "read_recipe", "recipe_colors", "recipe_densities"]
 
 VERSION = 1
-# Keys of what is there before anything is placed.
-SCENE = ("fixed", "obstacle")
+AT_TOP = "at the top, before the first table"
+# Where keys stand, for messages about one that stands elsewhere: those of the first places are more likely meant. What stands after a
+# table's header is that table's.
+PLACES: dict[str, tuple[str, ...]] = {
+    AT_TOP: (
+        "version",
+        *keys_of(ProblemSettings),
+        "domain",
+        "surface",
+        "balance",
+        "class",
+        "image",
+        "fixed",
+        "obstacle",
+    ),
+    "under [[class]]": (*("size" if key == "sizes" else key for key in keys_of(BodyClass)), "color"),
+    "under [[class.size]]": keys_of(Size),
+    "under [domain]": keys_of(Domain),
+    "under [balance]": keys_of(Balance),
+    "under [class.size.line]": keys_of(Line),
+    "under [surface]": ("mesh",),
+    "under [image]": ("file", "model", "inks", "non_overlap", "area", "size", "density_correction"),
+    "under [[fixed]]": ("file", *keys_of(FixedBodies)),
+    "under [[obstacle]]": keys_of(Obstacle),
+    "under [class.unsharp]": keys_of(Unsharp),
+    "under [class.look_at]": keys_of(LookAt),
+    "in the command, as an option": ("device", "max_steps"),
+}
 
 
 @dataclass(frozen=True)
@@ -134,10 +164,10 @@ def read_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = None) -> 
         ProblemError: A ``seed`` that is not a whole number >= 0.
     """
     parsed = _parsed(path)
-    recipe = RecipeTable(parsed.path, "", "", parsed.entries)
+    recipe = RecipeTable(parsed.path, "", "", parsed.entries, PLACES)
     # The version comes first: a recipe of another one may well have other keys.
     recipe.take("version", _check_version)
-    recipe.check_keys("version", *keys_of(ProblemSettings), "domain", "surface", "balance", "class", "image", *SCENE)
+    recipe.check_keys(*PLACES[AT_TOP])
     settings = read_settings(recipe, ProblemSettings)
     if seed is not None:
         settings["seed"] = validation.check_seed(seed)
@@ -154,7 +184,7 @@ def read_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = None) -> 
     scene: dict[str, Any] = {"fixed": read_fixed(recipe), "obstacles": read_obstacles(recipe)}
 
     table = recipe.table("balance", optional=True)
-    table.check_keys(*keys_of(Balance))
+    table.check_keys(*PLACES["under [balance]"])
     balance = read_settings(table, Balance)
 
     if "image" in recipe.entries:
@@ -228,7 +258,7 @@ def recipe_densities(path: str | Path | ParsedRecipe) -> list[Path]:
 
 def _read_class(table: RecipeTable) -> BodyClass:
     table.name_it("class")
-    table.check_keys(*("size" if key == "sizes" else key for key in keys_of(BodyClass)), "color")
+    table.check_keys(*PLACES["under [[class]]"])
     table.take_optional("color", _check_color)
     values = read_settings(table, BodyClass, leave=("sizes",))
     sizes = [_read_size(size, "count" in table.entries) for size in table.tables("size")]
@@ -238,7 +268,7 @@ def _read_class(table: RecipeTable) -> BodyClass:
 
 def _read_size(table: RecipeTable, of_shares: bool) -> Size:
     table.name_it("size")
-    table.check_keys(*keys_of(Size))
+    table.check_keys(*PLACES["under [[class.size]]"])
     if of_shares and "count" in table.entries:
         raise table.error(
             "count", "cannot be combined with a `count` of the class: give a `share` of the class instead"
@@ -252,7 +282,7 @@ def _read_size(table: RecipeTable, of_shares: bool) -> Size:
 
 
 def _read_image(table: RecipeTable, domain: Domain, balance: dict[str, Any]) -> Problem:
-    table.check_keys("file", "model", "inks", "non_overlap", "area", "size", "density_correction")
+    table.check_keys(*PLACES["under [image]"])
     image = table.read("file", lambda path: read_color(path, reduced=True))
     model: str | InkModel = table.take("model", _check_model, DEFAULT_MODEL)
     if "inks" in table.entries:

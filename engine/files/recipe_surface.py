@@ -48,7 +48,7 @@ def check_lies_on_surface(table: RecipeTable) -> None:
 
 def read_surface_density(table: RecipeTable) -> SurfaceDensity:
     """Return the density on a surface that a table ``density = { ... }`` describes."""
-    table.check_keys("attribute", "image", "mapping", "size", "invert")
+    table.check_keys("attribute", "image", "mapping", "size", "invert", inline=True)
     if "attribute" in table.entries:
         for key in table.entries:
             if key != "attribute":
@@ -67,7 +67,7 @@ def read_surface_density(table: RecipeTable) -> SurfaceDensity:
 
 def read_surface_direction(table: RecipeTable) -> SurfaceDirection:
     """Return the direction on a surface that a table ``direction = { ... }`` describes."""
-    table.check_keys("attribute", "curve")
+    table.check_keys("attribute", "curve", inline=True)
     given = [name for name in ("attribute", "curve") if name in table.entries]
     if len(given) != 1:
         raise table.error(

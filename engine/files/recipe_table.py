@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -54,10 +54,25 @@ def check_file(value: object, key: str) -> str:
 
 
 class RecipeTable:
-    """One table of a recipe: hands out checked values, and names them in messages."""
+    """One table of a recipe: hands out checked values, and names them in messages.
 
-    def __init__(self, path: Path, place: str, names: str, entries: dict[str, Any]) -> None:
-        self.path, self.place, self.names, self.entries = path, place, names, entries
+    Args:
+        path: The recipe.
+        place: What stands before its keys in messages: ``"class[1]."``; nothing at the top.
+        names: What it and the tables around it call themselves.
+        entries: Its keys and values.
+        places: Where keys stand in a recipe, as the end of "it belongs ...", and which; those named first are more likely meant.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        place: str,
+        names: str,
+        entries: dict[str, Any],
+        places: Mapping[str, Collection[str]] | None = None,
+    ) -> None:
+        self.path, self.place, self.names, self.entries, self.places = path, place, names, entries, places or {}
 
     def key(self, name: str) -> str:
         """Return how messages name a key of this table."""
@@ -73,11 +88,18 @@ class RecipeTable:
         if isinstance(name, str) and name.strip():
             self.names = ", ".join(part for part in (self.names, f"{kind} {show(name)}") if part)
 
-    def check_keys(self, *known: str) -> None:
-        """Refuse a key that this table does not have, and say which one was probably meant."""
+    def check_keys(self, *known: str, inline: bool = False) -> None:
+        """Refuse a key that this table does not have, and say where it belongs, or which one was probably meant.
+
+        A table that stands ``inline`` was not begun by mistake: what it holds was meant for it.
+        """
         for name in self.entries:
-            if name not in known:
-                raise self.error(show(name).strip('"'), f"is not a known key; {nearest_name(name, known)}")
+            if name in known:
+                continue
+            found = [] if inline else [place for place, keys in self.places.items() if name in keys][:2]
+            if found:
+                raise self.error(name, f"is not a known key here; it belongs {' or '.join(found)}")
+            raise self.error(show(name).strip('"'), f"is not a known key; {nearest_name(name, known)}")
 
     def take(self, name: str, check: Callable[[Any, str], Value], default: Any = None) -> Value:
         """Return the checked value of a key, or ``default`` where the key is missing and there is one."""
@@ -124,7 +146,7 @@ class RecipeTable:
         entries = self.entries.get(name, {})
         if not isinstance(entries, dict):
             raise self.error(name, f"must be one table, under a line {header}; got {show(entries)}")
-        return RecipeTable(self.path, f"{self.place}{name}.", self.names, entries)
+        return RecipeTable(self.path, f"{self.place}{name}.", self.names, entries, self.places)
 
     def tables(self, name: str) -> list[RecipeTable]:
         """Return the tables of a list inside this one; at least one."""
@@ -135,7 +157,7 @@ class RecipeTable:
         if not entries:
             raise self.error(name, f"is missing: write at least one table {header}")
         return [
-            RecipeTable(self.path, f"{self.place}{name}[{number}].", self.names, entry)
+            RecipeTable(self.path, f"{self.place}{name}[{number}].", self.names, entry, self.places)
             for number, entry in enumerate(entries, start=1)
         ]
 

@@ -220,7 +220,7 @@ class BorderSettings(Settings):
     )
 
 
-@belongs_to("scatter")
+@belongs_to("scatter", named=False)
 @described
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ScatterSettings(BorderSettings, TargetSettings, Standing, RunSettings, SamplingSettings, Balance):

@@ -61,8 +61,8 @@ TOGETHER = {
     ),
     "scatter": ("scatter", "ScatterClass", "ScatterSize", "Amount", "Unsharp", "Line", "LookAt", "ScatterObstacle"),
 }
-# The names of the settings of those that are loaded.
-_loaded: dict[str, tuple[str, ...]] = {}
+# What each of them takes. A problem can be described before anything is loaded that solves it.
+_taken: dict[str, tuple[str, ...]] = {"solve": ("problem", "device", "max_steps", "progress", "profile")}
 
 
 class Choice(NamedTuple):
@@ -210,39 +210,46 @@ def values_of(source: object, cls: Any) -> dict[str, Any]:
     return {name: getattr(source, name) for name in settings_of(cls)}
 
 
-def belongs_to(*purposes: str) -> Callable[[Function], Function]:
+def belongs_to(*purposes: str, named: bool = True) -> Callable[[Function], Function]:
     """Have a function or class, and those that are called for the same purposes, say where a setting belongs that they do not know.
 
     Args:
         purposes: Keys of ``TOGETHER``.
+        named: Whether others name it; otherwise it only names others.
     """
 
     def remember(called: Function) -> Function:
-        _loaded[called.__name__] = known = tuple(inspect.signature(called).parameters)
-        if not isinstance(called, type):
-            return called
-        made = called.__init__  # type: ignore[misc]
-        if any(one.kind is one.VAR_KEYWORD for one in inspect.signature(made).parameters.values()):
+        name = called.__name__
+        taken = tuple(inspect.signature(called).parameters)
+        for purpose in purposes:
+            assert named == (name in TOGETHER[purpose]), f"{name} belongs to {purpose}, and TOGETHER says otherwise"
+        if named:
+            assert _taken.get(name, taken) == taken, f"{name} takes something else than is said ahead"
+            _taken[name] = taken
+        made: Any = called.__init__ if isinstance(called, type) else called  # type: ignore[misc]
+        if made.__code__.co_flags & inspect.CO_VARKEYWORDS:
             # Then it looks at names itself.
             return called
 
         @functools.wraps(made)
-        def init(self: Any, *values: Any, **given: Any) -> None:
-            for name in given:
-                if name not in known and (place := _place_of(name, purposes)):
-                    raise TypeError(f"`{name}` is not a setting of {called.__name__}; {place}")
-            made(self, *values, **given)
+        def checked(*values: Any, **given: Any) -> Any:
+            for key in given:
+                if key not in taken and (place := _place_of(key, purposes)):
+                    raise TypeError(f"`{key}` is not a setting of {name}; {place}")
+            return made(*values, **given)
 
-        called.__init__ = init  # type: ignore[misc]
+        if not isinstance(called, type):
+            return checked  # type: ignore[return-value]
+        called.__init__ = checked  # type: ignore[misc]
         return called
 
     return remember
 
 
 def _place_of(name: str, purposes: Sequence[str]) -> str:
-    """Return what a setting belongs to, as the end of a sentence; empty where nothing that is loaded has it."""
+    """Return what a setting belongs to, as the end of a sentence; empty where nothing has it."""
     names = dict.fromkeys(one for purpose in purposes for one in TOGETHER[purpose])
-    found = [one for one in names if name in _loaded.get(one, ())]
+    found = [one for one in names if name in _taken.get(one, ())]
     return f"it belongs to {' or '.join(found[:2])}: {found[0]}(..., {name}=...)" if found else ""
 
 

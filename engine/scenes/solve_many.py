@@ -13,6 +13,7 @@ from ..device.launcher import launcher_of_process
 from ..errors import EshError, ProblemError
 from ..problem.placement import Placement
 from ..problem.problem import Problem
+from ..problem.settings import belongs_to
 from ..problem.validation import check_count, check_progress, show
 from ..solve import solve, solve_on
 from .warm_pools import warm_pool
@@ -43,6 +44,7 @@ class Processes(NamedTuple):
     environments: Sequence[Mapping[str, str]] = ()
 
 
+@belongs_to("problem", named=False)
 def solve_many(
     problems: Iterable[Problem],
     *,

@@ -28,6 +28,7 @@ from ..model.model import Model
 from ..model.state import State, SurfaceState
 from ..problem.placement import Placement
 from ..problem.problem import Problem
+from ..problem.settings import belongs_to
 from ..problem.surface import Surface
 from ..problem.validation import check_count, check_is, check_progress
 from ..quality.measurement import measure
@@ -68,6 +69,7 @@ class Edit(NamedTuple):
     steps: int
 
 
+@belongs_to("problem", named=False)
 class Solver:
     """Places the bodies of a problem, step by step; :func:`~esh.engine.solve.solve` does all of it at once.
 

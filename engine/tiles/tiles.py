@@ -25,6 +25,7 @@ from ..errors import EshError, ProblemError
 from ..files.recipe import recipe_densities
 from ..files.recipe_writer import write_recipe
 from ..problem.problem import Problem
+from ..problem.settings import belongs_to
 from ..problem.validation import as_path, check_count, check_progress, show
 from ..scenes.ray_pool import RayPool
 from ..scenes.run_folder import make_folder, open_run_folder
@@ -102,6 +103,7 @@ class TileState:
     notes: tuple[str, ...] = ()
 
 
+@belongs_to("problem", named=False)
 def solve_tiles(
     problem: Problem | str | Path,
     folder: str | Path,

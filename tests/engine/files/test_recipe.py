@@ -155,6 +155,41 @@ MISTAKES = {
         "Count = 60",
         '`class[2].size[1].Count` (class "beech", size "only") is not a known key; did you mean `count`',
     ),
+    "top key in a table": (
+        'boundary = "periodic"',
+        'boundary = "periodic"\navoid_overlap = true',
+        "`domain.avoid_overlap` is not a known key here; it belongs at the top, before the first table",
+    ),
+    "class key at the top": (
+        "seed = 7",
+        "gap = 0.1",
+        "`gap` is not a known key here; it belongs under [[class]] or under [[class.size]]",
+    ),
+    "size key at the top": (
+        "seed = 7",
+        "area = 7",
+        "`area` is not a known key here; it belongs under [[class.size]] or under [image]",
+    ),
+    "size key in a class": (
+        "density = 0.5",
+        "density = 0.5\nturn = 0.1",
+        '`class[2].turn` (class "beech") is not a known key here; it belongs under [[class.size]]',
+    ),
+    "class key in a size": (
+        "count = 60",
+        "count = 60\ndensity = 0.5",
+        '`class[2].size[1].density` (class "beech", size "only") is not a known key here; it belongs under [[class]]',
+    ),
+    "balance key at the top": (
+        "seed = 7",
+        "size_emphasis = 2",
+        "`size_emphasis` is not a known key here; it belongs under [balance]",
+    ),
+    "option in the recipe": (
+        "seed = 7",
+        "max_steps = 7",
+        "`max_steps` is not a known key here; it belongs in the command, as an option",
+    ),
     "domain missing": (
         '[domain]\nsize = [40.0, 30]\nboundary = "periodic"',
         "",

@@ -4,6 +4,8 @@ import dataclasses
 import inspect
 import math
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -27,7 +29,8 @@ from esh.engine.problem.settings import (
     TOGETHER,
     Choice,
     Settings,
-    _loaded,
+    _taken,
+    belongs_to,
     described,
     setting,
     settings_of,
@@ -37,7 +40,10 @@ from esh.engine.problem.settings import (
 from esh.engine.problem.size import Size
 from esh.engine.problem.surface_density import SurfaceAttribute, SurfaceImage, SurfaceTriplanar
 from esh.engine.problem.surface_directions import SurfaceVectors
+from esh.engine.scenes.solve_many import solve_many
 from esh.engine.solve import solve
+from esh.engine.solver.solver import Solver
+from esh.engine.tiles.tiles import solve_tiles
 
 DESCRIBED = [
     Domain,
@@ -201,6 +207,15 @@ def test_a_problem_is_told_its_settings_by_name_and_keeps_them():
         (lambda **more: Size("s", 1.0, 3, **more), "density", TypeError, "BodyClass: BodyClass"),
         (lambda **more: Domain((1.0, 1.0), **more), "avoid_overlap", TypeError, "Problem: Problem"),
         (lambda **more: Balance(**more), "regularity", TypeError, "Problem: Problem"),
+        (
+            lambda **more: solve(Problem(SQUARE, CLASSES), **more),
+            "gap",
+            TypeError,
+            "BodyClass or Footprints: BodyClass",
+        ),
+        (lambda **more: solve_many([], **more), "seed", TypeError, "Problem: Problem"),
+        (lambda **more: solve_tiles("r.toml", "out", **more), "avoid_overlap", TypeError, "Problem: Problem"),
+        (lambda **more: Solver(Problem(SQUARE, CLASSES), **more), "max_steps", TypeError, "solve: solve"),
     ],
 )
 def test_of_a_setting_that_belongs_elsewhere_it_is_said_where(call, name, error, said):
@@ -213,8 +228,34 @@ def test_what_belongs_nowhere_is_refused_as_ever_and_signatures_stay():
         BodyClass("a", [Size("s", 1.0, 3)], zzz=3)
     assert [*inspect.signature(Size).parameters][:3] == ["name", "area", "count"]
     assert dataclasses.replace(Size("s", 1.0, 3), count=4).count == 4
+    with pytest.raises(TypeError, match="unexpected keyword argument 'zzz'"):
+        solve(Problem(SQUARE, CLASSES), zzz=3)
+    with pytest.raises(TypeError, match="required positional argument: 'problem'"):
+        solve(device="cpu")
+    assert [*inspect.signature(solve).parameters][:2] == ["problem", "device"]
     # Every name that a sentence can hold is known by what it belongs to.
-    assert {solve.__name__, *TOGETHER["problem"]} <= _loaded.keys()
+    assert {solve.__name__, *TOGETHER["problem"]} <= _taken.keys()
+
+
+def test_where_a_setting_belongs_is_known_before_anything_is_loaded_that_solves():
+    code = (
+        "import sys, esh\n"
+        "try: esh.Problem(esh.Domain((1.0, 1.0)), [esh.BodyClass('a', [esh.Size('b', 0.01, 5)])], max_steps=3)\n"
+        "except esh.ProblemError as error: print(error, 'warp' in sys.modules)"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert said == "`max_steps` is not a known setting; it belongs to solve: solve(..., max_steps=...) False\n"
+
+
+def test_what_belongs_to_a_purpose_under_another_name_is_noticed_at_once():
+    def sovle(problem, gap=0.0):
+        return problem, gap
+
+    with pytest.raises(AssertionError, match="sovle belongs to problem"):
+        belongs_to("problem")(sovle)
+    with pytest.raises(AssertionError, match="solve takes something else"):
+        sovle.__name__ = "solve"
+        belongs_to("problem")(sovle)
 
 
 def test_settings_of_a_scatter_are_those_of_its_parts_and_name_themselves():
