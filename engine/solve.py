@@ -14,10 +14,11 @@ from .device.launcher import Launcher
 from .device.profile import Profile
 from .errors import ProblemError
 from .problem.domain import Domain
+from .problem.given_values import check_is, check_progress, show
 from .problem.placement import Placement
 from .problem.problem import Problem
 from .problem.settings import belongs_to
-from .problem.validation import check_count, check_is, check_progress, show
+from .problem.validation import check_count
 from .quality.measurement import measure
 from .solver.progress import Progress, is_stop
 from .solver.solver import Solver

@@ -13,10 +13,10 @@ import bpy
 
 from ..engine.errors import EshError
 from ..engine.problem.body_class import Unsharp
+from ..engine.problem.given_values import check_progress
 from ..engine.problem.line import Line
 from ..engine.problem.scatter_settings import ScatterSettings, Standing
 from ..engine.problem.settings import belongs_to, takes
-from ..engine.problem.validation import check_progress
 from ..engine.solver.progress import Progress
 from .classes.amount import Amount
 from .classes.directions import AttributeDirection, CurveDirection

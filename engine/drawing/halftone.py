@@ -16,8 +16,8 @@ import numpy as np
 from ..errors import EshError
 from ..files.placement_files import write_files
 from ..problem import validation
+from ..problem.given_values import as_path_or_file, check_is
 from ..problem.placement import Placement
-from ..problem.validation import check_is
 from .periodic_copies import copies_of_bodies, copies_within
 
 __all__ = ["ink_coverage", "line_axis", "render_halftone", "write_halftone_png", "write_halftone_svg"]
@@ -355,7 +355,7 @@ def _checked_colors(colors: Sequence[Color] | None, count: int) -> list[Color]:
 
 
 def _write(path: str | Path | BinaryIO, writer: Any) -> None:
-    out = validation.as_path_or_file(path)
+    out = as_path_or_file(path)
     if isinstance(out, Path):
         write_files({out: writer})
     else:

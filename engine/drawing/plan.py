@@ -17,10 +17,10 @@ import numpy as np
 from ..errors import EshError
 from ..files.placement_files import write_files
 from ..problem.body_kind import disc_radius
+from ..problem.given_values import FOREIGN_ERRORS, as_path_or_file, check_is, show
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
 from ..problem.slopes import foreshortened
-from ..problem.validation import FOREIGN_ERRORS, as_path_or_file, check_is, show
 from .halftone import line_axis
 from .periodic_copies import boxes_of_bodies, copies_of_bodies
 

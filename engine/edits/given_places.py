@@ -9,8 +9,8 @@ from ..errors import ProblemError
 from ..model.model import Model
 from ..model.state import State
 from ..problem.body_footprints import BodyFootprints
+from ..problem.given_values import show
 from ..problem.surface import Surface
-from ..problem.validation import show
 from .places_in_support import in_support
 
 __all__ = ["checked_identities", "checked_places", "given_outlines", "given_poses", "lay_outlines"]

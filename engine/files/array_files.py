@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputFileError
-from ..problem.validation import show
+from ..problem.given_values import show
 
 __all__ = ["read_arrays"]
 

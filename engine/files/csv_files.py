@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 import numpy as np
 
 from ..errors import InputFileError
-from ..problem.validation import show
+from ..problem.given_values import show
 from .cell_text import name_in_cell
 from .placement_columns import COLUMNS, Column
 

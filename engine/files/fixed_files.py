@@ -10,8 +10,8 @@ import numpy as np
 
 from ..errors import InputFileError, ProblemError
 from ..problem.fixed_bodies import FixedBodies, Origin, WrongBodyError
+from ..problem.given_values import as_path
 from ..problem.settings import settle
-from ..problem.validation import as_path
 from .array_files import read_arrays
 from .body_formats import FORMATS
 from .csv_files import read_csv

@@ -23,8 +23,9 @@ import numpy as np
 
 from ..errors import InputFileError, ProblemError
 from ..native_output import muted
+from ..problem.given_values import as_path
 from ..problem.image_filters import luminance
-from ..problem.validation import as_path, check_density
+from ..problem.validation import check_density
 from .input_file import check_is_file, reason_of
 
 if TYPE_CHECKING:

@@ -88,7 +88,7 @@ def write_placement(path: str | Path, placement: Placement, *, assets: AssetFile
     Raises:
         EshError: Another ending, a file that cannot be written, or a library that the format needs and that is not installed.
     """
-    from ..problem.validation import as_path
+    from ..problem.given_values import as_path
 
     path = as_path(path)
     write_files({path: placement_writer(path, placement, assets=assets)})
@@ -104,7 +104,7 @@ def write_bodies(path: str | Path, bodies: Bodies) -> None:
     Raises:
         EshError: Another ending, a file that cannot be written, or a library that the format needs and that is not installed.
     """
-    from ..problem.validation import as_path, check_is
+    from ..problem.given_values import as_path, check_is
     from .bodies import Bodies
 
     path, bodies = as_path(path), check_is(bodies, Bodies, "`bodies`")
@@ -116,8 +116,8 @@ def write_bodies(path: str | Path, bodies: Bodies) -> None:
 def placement_writer(path: str | Path, placement: Placement, *, assets: AssetFiles | None = None) -> Writer:
     """Return what writes ``placement`` in the format that the ending of ``path`` names, for :func:`write_files`."""
     # Not with the module: the command waits for neither as long as it only reads what it was asked.
+    from ..problem.given_values import check_is
     from ..problem.placement import Placement
-    from ..problem.validation import check_is
 
     placement = check_is(placement, Placement, "`placement`")
     if assets is not None:

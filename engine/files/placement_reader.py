@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputFileError
-from ..problem.validation import as_path
+from ..problem.given_values import as_path
 from .array_files import read_arrays
 from .bodies import READ_COLUMNS, Bodies, bodies_from_columns
 from .body_formats import FORMATS

@@ -90,6 +90,7 @@ from ..problem.body_class import BodyClass, Unsharp
 from ..problem.color_separation import MODELS, Ink, InkModel, halftone_problem
 from ..problem.domain import Domain
 from ..problem.fixed_bodies import FixedBodies
+from ..problem.given_values import as_float, as_whole, show
 from ..problem.ink_models import DEFAULT_MODEL
 from ..problem.line import Line
 from ..problem.look_at import LookAt
@@ -97,7 +98,6 @@ from ..problem.obstacles import Obstacle
 from ..problem.problem import Problem, ProblemSettings
 from ..problem.size import Size
 from ..problem.surface import Surface
-from ..problem.validation import show
 from .image_files import read_color
 from .recipe_keys import WORDS, keys_of, read_group, read_settings
 from .recipe_scene import files_of_tables, read_fixed, read_obstacles
@@ -306,7 +306,7 @@ def _read_image(table: RecipeTable, domain: Domain, balance: dict[str, Any]) -> 
 
 
 def _check_version(value: object, key: str) -> int:
-    version = validation.as_whole(value, VERSION, VERSION)
+    version = as_whole(value, VERSION, VERSION)
     if version is None:
         raise ProblemError(f"{key} must be {VERSION}, the only version; got {show(value)}")
     return version
@@ -314,7 +314,7 @@ def _check_version(value: object, key: str) -> int:
 
 def _check_color(value: object, key: str) -> tuple[float, float, float]:
     entries = value if isinstance(value, list) else []
-    parts = [validation.as_float(entry) for entry in entries]
+    parts = [as_float(entry) for entry in entries]
     if len(parts) == 3:
         red, green, blue = (-1.0 if part is None else part for part in parts)
         if min(red, green, blue) >= 0.0 and max(red, green, blue) <= 1.0:

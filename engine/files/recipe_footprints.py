@@ -9,8 +9,8 @@ from ..errors import ProblemError
 from ..problem import validation
 from ..problem.footprint import Footprint
 from ..problem.footprints import Footprints
+from ..problem.given_values import show
 from ..problem.settings import settings_of
-from ..problem.validation import show
 
 __all__ = ["FOOTPRINT_KEYS", "OUTLINES", "check_footprint", "written_outlines"]
 

@@ -18,13 +18,13 @@ from ..problem.body_class import BodyClass
 from ..problem.direction_field import direction_from_angle_image, direction_from_rg
 from ..problem.fixed_bodies import FixedBodies
 from ..problem.footprints import Footprints
+from ..problem.given_values import show
 from ..problem.line import Line
 from ..problem.obstacles import Obstacle
 from ..problem.settings import settings_of
 from ..problem.size import Size
 from ..problem.surface_density import SurfaceDensity
 from ..problem.surface_directions import SurfaceDirection
-from ..problem.validation import show
 from .image_files import read_array, read_color, read_density
 from .recipe_footprints import FOOTPRINT_KEYS, OUTLINES, check_footprint, written_outlines
 from .recipe_surface import read_surface_density, read_surface_direction

@@ -10,11 +10,11 @@ import numpy as np
 
 from ..errors import InputFileError, ProblemError
 from ..problem import validation
+from ..problem.given_values import show
 from ..problem.settings import settings_of
 from ..problem.surface import Surface, SurfaceMesh
 from ..problem.surface_density import SurfaceAttribute, SurfaceDensity, SurfaceImage, SurfaceTriplanar
 from ..problem.surface_directions import AlongCurves, SurfaceDirection, SurfaceVectors
-from ..problem.validation import show
 from .csv_files import read_csv
 from .image_files import read_density
 from .input_file import check_is_file

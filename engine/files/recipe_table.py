@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ..errors import InputFileError, ProblemError
-from ..problem.validation import nearest_name, show
+from ..problem.given_values import nearest_name, show
 from .input_file import check_is_file, reason_of
 
 __all__ = ["RecipeTable", "read_toml"]

@@ -12,11 +12,12 @@ import numpy as np
 from ..problem.balance import Balance
 from ..problem.body_class import BodyClass, PlacingSettings
 from ..problem.domain import Domain
+from ..problem.given_values import as_path, check_is
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem, ProblemSettings
 from ..problem.settings import values_of
 from ..problem.size import Size
-from ..problem.validation import as_path, check_colors, check_is
+from ..problem.validation import check_colors
 from .placement_files import write_files
 from .recipe_keys import written_settings
 from .recipe_scene import written_fixed, written_obstacles

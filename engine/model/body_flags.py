@@ -7,7 +7,7 @@ import enum
 import numpy as np
 
 from ..errors import ProblemError
-from ..problem.validation import FOREIGN_ERRORS, show
+from ..problem.given_values import FOREIGN_ERRORS, show
 
 __all__ = ["BodyFlags", "checked_flags"]
 

@@ -13,13 +13,14 @@ from ..field.field_meshes import charge_mesh, cutoff_of, target_mesh
 from ..field.mirrored_field import COPIES
 from ..problem.clumps import clump_size_of, crowding_of, memory_of_clumps, occupied
 from ..problem.domain import Domain
+from ..problem.given_values import show
 from ..problem.interaction import LEVELS, most_levels
 from ..problem.machine_memory import format_bytes, machine_memory
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.size import Size
 from ..problem.surface import Surface
-from ..problem.validation import MOST_BODIES, show
+from ..problem.validation import MOST_BODIES
 from ..space.asked_counts import typical_spacing
 from ..space.comparison_grid import comparison_cells
 from ..space.mesh_layout import MeshLayout

@@ -13,8 +13,8 @@ from ..errors import ProblemError, Reason, Refusal
 from ..geometry.nearest_on_triangles import corner_weights
 from ..geometry.small_matrices import inverses
 from ..problem.body_kind import radius_of
+from ..problem.given_values import show
 from ..problem.surface import PointsOnSurface
-from ..problem.validation import show
 from ..surface import kernels_facets
 from ..surface.facets import Facets
 from .model import Model

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import ProblemError, Reason, Refusal
 from . import validation
+from .given_values import as_tuple, check_unique
 from .look_at import LookAt
 from .settings import Settings, belongs_to, described, setting, settle
 from .size import Size
@@ -150,7 +151,7 @@ class BodyClass(ClassSettings):
         metadata=setting("Name of this class. No two classes have the same name", check=validation.check_name)
     )
     sizes: Sequence[Size] = field(
-        metadata=setting("At least one :class:`Size`", check=lambda value, key: validation.as_tuple(value, Size, key))
+        metadata=setting("At least one :class:`Size`", check=lambda value, key: as_tuple(value, Size, key))
     )
     density: np.ndarray | float | SurfaceDensity = field(
         default=1.0,
@@ -182,7 +183,7 @@ class BodyClass(ClassSettings):
         sizes = tuple(self.sizes)
         if not sizes:
             raise ProblemError(f"{where} must have at least one size; got none")
-        validation.check_unique([size.name for size in sizes], f"size names of {where}")
+        check_unique([size.name for size in sizes], f"size names of {where}")
         settle(self, sizes=self._with_shares(sizes, where))
         self._check_covered_share(where)
 

@@ -17,12 +17,13 @@ from .apportionment import apportion
 from .balance import Balance
 from .body_class import BodyClass
 from .domain import Domain
+from .given_values import FOREIGN_ERRORS, as_tuple, check_unique, show
 from .ink_models import DEFAULT_MODEL, INK_MODELS
 from .prepared_class import prepare, prepare_density
 from .problem import Problem
 from .settings import settle
 from .size import Size
-from .validation import FOREIGN_ERRORS, as_tuple, check_name, check_non_overlap, check_unique, show
+from .validation import check_name, check_non_overlap
 
 __all__ = ["MODELS", "Ink", "InkModel", "halftone_problem", "ink_colors", "separate"]
 

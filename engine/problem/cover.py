@@ -13,11 +13,11 @@ from .body_footprints import CAPSULE, BodyFootprints, footprints_of
 from .body_kind import disc_radius
 from .clearance import clearance, distance_to
 from .domain import Domain
+from .given_values import check_is
 from .note import Note, NoteKind
 from .packing import elongation_of, in_cells, packable, share_inside
 from .problem import Problem
 from .surface import Surface
-from .validation import check_is
 
 __all__ = ["Cover", "Room", "cover_of", "cover_of_images", "ground_on_surface"]
 

@@ -13,12 +13,12 @@ from . import validation
 from .body_kind import disc_radius
 from .domain import Domain
 from .footprints import Footprints
+from .given_values import show
 from .line import Line
 from .obstacles import Obstacle
 from .prepared_class import PreparedClass
 from .size import Size
 from .surface_directions import SLOPE
-from .validation import show
 
 if TYPE_CHECKING:
     from .problem import Problem

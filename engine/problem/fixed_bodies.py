@@ -11,8 +11,8 @@ import numpy as np
 
 from ..errors import ProblemError
 from . import validation
+from .given_values import FOREIGN_ERRORS, as_reals, is_real, show
 from .settings import Setting, Settings, as_given, described, same_setting, setting, settings_of, settle
-from .validation import FOREIGN_ERRORS, show
 
 if TYPE_CHECKING:
     from .placement import Placement
@@ -80,8 +80,8 @@ def _refuse(wrong: np.ndarray, said: str) -> None:
 
 def _check_positions(value: object, key: str) -> np.ndarray:
     try:
-        position = None if isinstance(value, str) else validation.as_reals(value)
-    except validation.FOREIGN_ERRORS:
+        position = None if isinstance(value, str) else as_reals(value)
+    except FOREIGN_ERRORS:
         position = None
     if position is None or position.ndim != 2 or position.shape[1] not in (2, 3):
         raise ProblemError(
@@ -95,7 +95,7 @@ def _check_numbers(value: object, key: str) -> np.ndarray:
     try:
         given = np.array(value)
         numbers = given.astype(np.float64) if given.dtype.kind in "uifO" else None
-    except validation.FOREIGN_ERRORS:
+    except FOREIGN_ERRORS:
         numbers = None
     if numbers is None or numbers.ndim > 1:
         raise ProblemError(f"{key} must be a number, or a list of one for every position; got {show(value)}")
@@ -156,8 +156,8 @@ def _check_variant(value: object, key: str) -> np.ndarray:
 
 def _check_weights(value: object, key: str) -> np.ndarray:
     try:
-        weights = validation.as_reals(value)
-    except validation.FOREIGN_ERRORS:
+        weights = as_reals(value)
+    except FOREIGN_ERRORS:
         weights = np.empty(0)
     if weights.ndim != 2 or weights.shape[1] != 3:
         raise ProblemError(f"{key} must be three numbers for every body; got {show(value)}")
@@ -364,7 +364,7 @@ def _each(value: np.ndarray, count: int, key: str) -> np.ndarray:
 def _labels(value: object, count: int, key: str) -> np.ndarray:
     """Names and indices, one per body, shape ``[count]``, objects."""
     labels = np.empty(count, dtype=object)
-    if isinstance(value, str) or validation.is_real(value):
+    if isinstance(value, str) or is_real(value):
         labels[:] = [value] * count
         return labels
     # An array without an axis calls itself iterable.

@@ -9,14 +9,13 @@ import numpy as np
 
 from ..errors import ProblemError
 from ..geometry.nearest_on_triangles import nearest_in
-from . import validation
 from .domain import Domain
 from .fixed_bodies import FixedBodies, FixedBody
 from .footprints import Footprints
+from .given_values import FOREIGN_ERRORS, as_reals, show
 from .prepared_class import PreparedClass
 from .settings import settle
 from .surface import Surface
-from .validation import show
 
 __all__ = ["FixedTable", "fixed_table"]
 
@@ -296,8 +295,8 @@ def _as_bodies(part: object) -> FixedBodies:
     if not isinstance(part, FixedBody):
         raise ProblemError(f"`fixed` must be a FixedBodies, or a list of FixedBody; got {show(part)} among them")
     try:
-        position = validation.as_reals(part.position)
-    except validation.FOREIGN_ERRORS:
+        position = as_reals(part.position)
+    except FOREIGN_ERRORS:
         position = np.empty(0)
     if position.shape not in ((2,), (3,)):
         raise ProblemError(

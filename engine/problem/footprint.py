@@ -11,8 +11,8 @@ import numpy as np
 from ..errors import ProblemError
 from ..geometry.convex_polygon import SHORTEST_EDGE, convex_hull, enclosing_polygon, farthest_points, width_of
 from . import validation
+from .given_values import FOREIGN_ERRORS, show
 from .settings import Settings, described, setting
-from .validation import FOREIGN_ERRORS, show
 
 __all__ = ["MOST_CORNERS", "Footprint"]
 

@@ -11,8 +11,8 @@ import numpy as np
 from ..errors import ProblemError
 from . import validation
 from .footprint import Footprint
+from .given_values import FOREIGN_ERRORS, as_float, as_tuple, is_real, show
 from .settings import Settings, belongs_to, described, setting
-from .validation import FOREIGN_ERRORS, show
 
 __all__ = ["DrawnFootprints", "Footprints", "checked_footprints"]
 
@@ -46,7 +46,7 @@ class DrawnFootprints:
 
 
 def _check_variants(value: object, key: str) -> tuple[Footprint, ...]:
-    variants = validation.as_tuple((value,) if isinstance(value, Footprint) else value, Footprint, key)
+    variants = as_tuple((value,) if isinstance(value, Footprint) else value, Footprint, key)
     if not variants:
         raise ProblemError(f"{key} must hold at least one Footprint; got none")
     return variants
@@ -69,7 +69,7 @@ def _check_variant(value: object, key: str) -> np.ndarray:
 
 def _check_scale(value: object, key: str) -> float | np.ndarray:
     accepted = "a factor above 0, or one for each body"
-    single = validation.is_real(value)
+    single = is_real(value)
     scale = validation.check_positive(value, key) if single else _kept(_numbers(value, key, accepted))
     factors = np.atleast_1d(scale)
     outside = factors[~((factors >= SMALLEST_SCALE) & (factors <= LARGEST_SCALE))]
@@ -91,8 +91,8 @@ def _check_turn(value: object, key: str) -> str | float | np.ndarray:
         if value not in ("free", "random"):
             raise ProblemError(f"{key} must be {accepted}; got {show(value)}")
         return value
-    if validation.is_real(value):
-        number = validation.as_float(value)
+    if is_real(value):
+        number = as_float(value)
         if number is None or not abs(number) <= LARGEST_ANGLE:
             raise ProblemError(f"{key} must be {accepted}; got {show(value)}")
         return number

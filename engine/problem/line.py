@@ -14,6 +14,7 @@ import numpy as np
 
 from . import validation
 from .body_kind import disc_radius
+from .given_values import is_function
 from .settings import Settings, belongs_to, described, setting
 
 __all__ = ["Line"]
@@ -21,7 +22,7 @@ __all__ = ["Line"]
 
 def _check_direction(value: object, key: str) -> str | float | np.ndarray | Callable[..., Any]:
     """Return a preferred direction; those that there are on surfaces only are told from the others where the domain is known."""
-    if validation.is_function(value) or (isinstance(value, str) and value == "slope"):
+    if is_function(value) or (isinstance(value, str) and value == "slope"):
         return value  # type: ignore[return-value]
     return validation.check_direction(value, key)
 

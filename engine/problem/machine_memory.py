@@ -8,7 +8,7 @@ import os
 import sys
 from pathlib import Path
 
-from .validation import show
+from .given_values import show
 
 __all__ = ["format_bytes", "machine_memory"]
 

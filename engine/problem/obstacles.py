@@ -15,8 +15,8 @@ from ..geometry.convex_pieces import convex_pieces
 from ..geometry.convex_polygon import convex_hull, enclosing_polygon
 from . import validation
 from .footprint import MOST_CORNERS, Footprint
+from .given_values import FOREIGN_ERRORS, as_float, as_reals, show
 from .settings import Settings, described, setting, settle
-from .validation import show
 
 __all__ = ["Obstacle"]
 
@@ -33,8 +33,8 @@ SMALLEST_SINE = 1e-6
 def _check_polygon(value: object, key: str) -> np.ndarray:
     """Return the corners, float64, shape ``[n, 2]``; raise ProblemError unless there are three or more."""
     try:
-        corners = validation.as_reals(value)
-    except validation.FOREIGN_ERRORS:
+        corners = as_reals(value)
+    except FOREIGN_ERRORS:
         corners = np.empty(0)
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not np.isfinite(corners).all():
         raise ProblemError(f"{key} must be three or more corners, each x and y in meters; got {show(value)}")
@@ -68,8 +68,8 @@ def _check_directions(value: object, key: str) -> np.ndarray:
 
 def _vectors(value: object, key: str, accepted: str) -> np.ndarray:
     try:
-        vectors = np.atleast_2d(validation.as_reals(value))
-    except validation.FOREIGN_ERRORS:
+        vectors = np.atleast_2d(as_reals(value))
+    except FOREIGN_ERRORS:
         vectors = np.empty(0)
     if vectors.ndim != 2 or vectors.shape[1:] != (3,) or not len(vectors) or not np.isfinite(vectors).all():
         raise ProblemError(f"{key} must be {accepted}; got {show(value)}")
@@ -78,8 +78,8 @@ def _vectors(value: object, key: str, accepted: str) -> np.ndarray:
 
 def _check_scale(value: object, key: str) -> np.ndarray:
     try:
-        factors = np.atleast_1d(validation.as_reals(value))
-    except validation.FOREIGN_ERRORS:
+        factors = np.atleast_1d(as_reals(value))
+    except FOREIGN_ERRORS:
         factors = np.empty(0)
     if factors.ndim != 1 or not len(factors) or not ((factors > 0.0) & np.isfinite(factors)).all():
         raise ProblemError(f"{key} must be a number above 0, or a list of such; got {show(value)}")
@@ -89,7 +89,7 @@ def _check_scale(value: object, key: str) -> np.ndarray:
 def _check_whole(value: object, key: str) -> np.ndarray:
     try:
         given = np.atleast_1d(np.asarray(value))
-    except validation.FOREIGN_ERRORS:
+    except FOREIGN_ERRORS:
         given = np.empty(0)
     if given.ndim != 1 or not len(given) or given.dtype.kind not in "ui" or given.min() < -1:
         raise ProblemError(f"{key} must be a whole number of 0 or more, or a list of such; got {show(value)}")
@@ -99,7 +99,7 @@ def _check_whole(value: object, key: str) -> np.ndarray:
 def _center_and_radius(value: object, key: str, center: str) -> tuple[float, ...]:
     """Return the coordinates of a center, named as messages name them, and a radius above 0."""
     listed = isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim == 1)
-    entries = [validation.as_float(entry) for entry in value] if listed else []  # type: ignore[attr-defined]
+    entries = [as_float(entry) for entry in value] if listed else []  # type: ignore[attr-defined]
     numbers = tuple(entry for entry in entries if entry is not None and math.isfinite(entry))
     if not len(entries) == len(numbers) == center.count(",") + 2 or not numbers[-1] > 0.0:
         raise ProblemError(f"{key} must be {center} and a radius above 0, in meters; got {show(value)}")
@@ -120,7 +120,7 @@ def _check_near(largest: float, key: str) -> None:
 def _check_image(value: object, key: str) -> np.ndarray:
     try:
         image = np.asarray(value)
-    except validation.FOREIGN_ERRORS:
+    except FOREIGN_ERRORS:
         image = np.empty(0)
     if image.ndim != 2 or not image.size or image.dtype.kind not in "buif":
         raise ProblemError(f"{key} must be an image of shape [height, width]; got {show(value)}")

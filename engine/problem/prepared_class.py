@@ -18,6 +18,7 @@ from .body_class import BodyClass, PlacingSettings
 from .clearance import PIXELS_PER_SPACING, clearance, mask_shape
 from .density_correction import correct_density
 from .domain import Domain
+from .given_values import show
 from .image_filters import unsharp_mask
 from .note import Note, NoteKind
 from .obstacles import Obstacle
@@ -27,7 +28,7 @@ from .settings import values_of
 from .size import Size
 from .surface import PointsOnSurface, Surface
 from .surface_density import density_at
-from .validation import MOST_BODIES, show
+from .validation import MOST_BODIES
 
 __all__ = [
     "PreparedClass",

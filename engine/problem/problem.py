@@ -27,6 +27,7 @@ from .domain import Domain
 from .feasibility import check_feasible, check_known_in_rectangles, check_known_on_surfaces
 from .fixed_bodies import FixedBodies, FixedBody
 from .fixed_table import FixedTable, fixed_table
+from .given_values import as_tuple, check_unique, show
 from .obstacles import Obstacle
 from .of_bodies import of_bodies
 from .outlines_of_obstacles import outlines_of_obstacles
@@ -35,7 +36,6 @@ from .prepared_class import PreparedClass, beside_counted, beside_fixed, cut_out
 from .settings import Settings, belongs_to, described, setting, settle, takes, values_of, with_changes
 from .size import with_count
 from .surface import Surface
-from .validation import show
 
 __all__ = ["Problem", "ProblemSettings", "SamplingSettings"]
 
@@ -127,11 +127,11 @@ class Problem(ProblemSettings):
             raise ProblemError(f"`domain` must be a Domain or a Surface; got {show(domain)}")
         if not isinstance(balance, Balance):
             raise ProblemError(f"`balance` must be a Balance; got {show(balance)}")
-        classes = validation.as_tuple(classes, (BodyClass, PreparedClass), "`classes`")
+        classes = as_tuple(classes, (BodyClass, PreparedClass), "`classes`")
         if not classes:
             raise ProblemError("a problem must have at least one class; got none")
-        validation.check_unique([body_class.name for body_class in classes], "class names")
-        obstacles = validation.as_tuple(obstacles, Obstacle, "`obstacles`")
+        check_unique([body_class.name for body_class in classes], "class names")
+        obstacles = as_tuple(obstacles, Obstacle, "`obstacles`")
         bases = prepare_all(classes, domain, apart=settings.avoid_overlap)
         prepared = bases
         if isinstance(domain, Surface):

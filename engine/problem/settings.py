@@ -17,7 +17,8 @@ from functools import cache
 from typing import Any, Literal, NamedTuple, TypeVar
 
 from ..errors import ProblemError
-from .validation import as_float, check_switch, nearest_name, show
+from .given_values import as_float, nearest_name, show
+from .validation import check_switch
 
 __all__ = [
     "Choice",

@@ -13,9 +13,9 @@ from . import validation
 from .body_kind import DOT, BodyKind
 from .footprint import Footprint
 from .footprints import DrawnFootprints, Footprints, checked_footprints
+from .given_values import show
 from .line import Line
 from .settings import Choice, Settings, as_given, belongs_to, described, setting, settle
-from .validation import show
 
 __all__ = ["ALIKE", "Size", "with_count"]
 

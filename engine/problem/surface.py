@@ -20,8 +20,8 @@ from ..geometry.seams import touching_sides
 from ..geometry.sides import Sides, sides_of
 from ..geometry.smooth_normals import corner_normals, creased_sides, has_blunt_creases
 from . import validation
+from .given_values import FOREIGN_ERRORS, as_tuple, show
 from .settings import settle
-from .validation import show
 
 __all__ = ["PointsOnSurface", "Surface", "SurfaceMesh"]
 
@@ -153,7 +153,7 @@ class Surface:
 
     def __post_init__(self) -> None:
         meshes = (self.meshes,) if isinstance(self.meshes, SurfaceMesh) else self.meshes
-        meshes = validation.as_tuple(meshes, SurfaceMesh, "`meshes` of a surface")
+        meshes = as_tuple(meshes, SurfaceMesh, "`meshes` of a surface")
         if not meshes:
             raise ProblemError("`meshes` of a surface must hold at least one SurfaceMesh; got none")
         first = np.concatenate([[0], np.cumsum([len(mesh.vertices) for mesh in meshes])])
@@ -416,7 +416,7 @@ def _numbers(value: object, key: str) -> np.ndarray:
     """Return an array of numbers; raise ProblemError for anything else."""
     try:
         array = np.asarray(value)
-    except validation.FOREIGN_ERRORS:
+    except FOREIGN_ERRORS:
         array = np.empty(0, dtype=object)
     if array.dtype.kind not in "biuf":
         raise ProblemError(f"{key} must be an array of numbers; got {show(value)}")
@@ -426,7 +426,7 @@ def _numbers(value: object, key: str) -> np.ndarray:
 def _array(value: object, shape: tuple[int | None, ...], key: str) -> np.ndarray:
     try:
         array = np.asarray(value)
-    except validation.FOREIGN_ERRORS:
+    except FOREIGN_ERRORS:
         array = np.empty(0, dtype=object)
     fits = array.ndim == len(shape) and all(n is None or n == m for n, m in zip(shape, array.shape, strict=False))
     if not array.size and array.dtype.kind in "iuf":

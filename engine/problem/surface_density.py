@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import ProblemError
 from . import validation
+from .given_values import is_function, numbers_of
 from .image_filters import LUMINANCE
 from .settings import Settings, described, setting
 from .surface import PointsOnSurface
@@ -97,7 +98,7 @@ class SurfaceTriplanar(Settings):
 
 def check_density(value: object, key: str) -> np.ndarray | SurfaceDensity:
     """Return an image as :func:`~.validation.check_density` does, or a function of points as it is."""
-    if validation.is_function(value):
+    if is_function(value):
         return value  # type: ignore[return-value]
     if isinstance(value, type):
         what = "an image (an array of numbers), a number or a function of points"
@@ -115,7 +116,7 @@ def density_at(density: SurfaceDensity | None, points: PointsOnSurface, key: str
     if density is None:
         return np.ones(count)
     given = density.at(points, key) if isinstance(density, SurfaceAttribute | SurfaceImage) else density(points)
-    values = validation.numbers_of(given, key)
+    values = numbers_of(given, key)
     if values.shape != (count,):
         raise ProblemError(f"{key} must return one value per point, shape [{count}]; got shape {list(values.shape)}")
     if not np.isfinite(values).all():

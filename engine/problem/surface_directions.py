@@ -9,10 +9,9 @@ import numpy as np
 
 from ..errors import ProblemError
 from ..geometry.nearest_on_segments import nearest_on_segments
-from . import validation
+from .given_values import FOREIGN_ERRORS, as_reals, numbers_of, show
 from .settings import Settings, described, setting
 from .surface import PointsOnSurface
-from .validation import show
 
 __all__ = [
     "SLOPE",
@@ -56,8 +55,8 @@ def _check_curves(value: object, key: str) -> tuple[np.ndarray, ...]:
     curves = []
     for one in given:
         try:
-            points = validation.as_reals(one)
-        except validation.FOREIGN_ERRORS:
+            points = as_reals(one)
+        except FOREIGN_ERRORS:
             points = np.empty(0)
         if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2:
             raise ProblemError(
@@ -134,7 +133,7 @@ def direction_at(direction: SurfaceDirection, points: PointsOnSurface, key: str)
     """
     count = len(points.triangle)
     given = direction.at(points, key) if isinstance(direction, SurfaceVectors) else direction(points)
-    vector = validation.numbers_of(given, key)
+    vector = numbers_of(given, key)
     if vector.shape != (count, 3):
         raise ProblemError(f"{key} must return a vector per point, shape [{count}, 3]; got shape {list(vector.shape)}")
     if not np.isfinite(vector).all():

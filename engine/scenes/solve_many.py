@@ -11,10 +11,11 @@ import numpy as np
 from ..device.devices import core_count, gpu_environments, processes_on_gpus, resolve_device
 from ..device.launcher import launcher_of_process
 from ..errors import EshError, ProblemError
+from ..problem.given_values import check_progress, show
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.settings import belongs_to
-from ..problem.validation import check_count, check_progress, show
+from ..problem.validation import check_count
 from ..solve import solve, solve_on
 from .warm_pools import warm_pool
 from .worker import Failure

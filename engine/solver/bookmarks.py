@@ -9,7 +9,7 @@ from ..descent.surface_descent import SurfaceDescent
 from ..device.launcher import Launcher
 from ..errors import ProblemError
 from ..model.model import Model
-from ..problem.validation import check_is
+from ..problem.given_values import check_is
 from .record import Record
 
 __all__ = ["Bookmark", "Bookmarks"]

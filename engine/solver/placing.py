@@ -18,9 +18,9 @@ from ..heat.heat_mesh import HeatMeshes
 from ..model.identities_of_fixed import identities_of_fixed
 from ..model.model import Model
 from ..model.state import StateArrays
+from ..problem.given_values import check_is
 from ..problem.placement import Placement
 from ..problem.problem import Problem
-from ..problem.validation import check_is
 from .bookmarks import Bookmark, Bookmarks
 
 __all__ = ["CLOSED", "EditedBodies", "GivenPlaces", "Placing"]

@@ -26,11 +26,12 @@ from ..model.looking import LOOKS_AWAY, angle_within, looks_at_point, somebody_l
 from ..model.memory import check_memory
 from ..model.model import Model
 from ..model.state import State, SurfaceState
+from ..problem.given_values import check_is, check_progress
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.settings import belongs_to
 from ..problem.surface import Surface
-from ..problem.validation import check_count, check_is, check_progress
+from ..problem.validation import check_count
 from ..quality.measurement import measure
 from .bookmarks import Bookmark
 from .placing import CLOSED, GivenPlaces

@@ -24,9 +24,10 @@ from ..device.devices import core_count, gpu_environments, processes_on_gpus, re
 from ..errors import EshError, ProblemError
 from ..files.recipe import recipe_densities
 from ..files.recipe_writer import write_recipe
+from ..problem.given_values import as_path, check_progress, show
 from ..problem.problem import Problem
 from ..problem.settings import belongs_to
-from ..problem.validation import as_path, check_count, check_progress, show
+from ..problem.validation import check_count
 from ..scenes.ray_pool import RayPool
 from ..scenes.run_folder import make_folder, open_run_folder
 from ..scenes.worker import Failure, carry_out

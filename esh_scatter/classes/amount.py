@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, field
 
 from ...engine.errors import ProblemError
+from ...engine.problem.given_values import as_float, show
 from ...engine.problem.settings import Settings, belongs_to, described, setting
-from ...engine.problem.validation import as_float, show
 
 __all__ = ["Amount"]
 

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 
 from ...engine.errors import ProblemError
-from ...engine.problem.validation import show
+from ...engine.problem.given_values import show
 from ...engine.surface.mesh_outline import Outline, outline_from_above
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ..targets.evaluated_mesh import evaluated_mesh

@@ -12,13 +12,14 @@ import numpy as np
 from ...engine.errors import ProblemError
 from ...engine.problem.body_class import BodyClass, ClassSettings
 from ...engine.problem.direction_field import direction_from_rg
+from ...engine.problem.given_values import as_float, check_unique, show
 from ...engine.problem.line import Line
 from ...engine.problem.look_at import LookAt
 from ...engine.problem.scatter_settings import ScatterSettings, Standing
 from ...engine.problem.settings import Settings, as_given, belongs_to, described, same_setting, setting, values_of
 from ...engine.problem.size import Size
 from ...engine.problem.surface_directions import SLOPE
-from ...engine.problem.validation import as_float, check_class_count, check_count, check_direction, check_unique, show
+from ...engine.problem.validation import check_class_count, check_count, check_direction
 from ..densities.density_source import Density
 from ..densities.image_pixels import image_pixels
 from ..targets.target import check_exists

@@ -17,10 +17,11 @@ from ...engine.errors import ProblemError
 from ...engine.problem.body_kind import disc_radius
 from ...engine.problem.footprint import MOST_CORNERS, Footprint
 from ...engine.problem.footprints import Footprints
+from ...engine.problem.given_values import show
 from ...engine.problem.line import Line
 from ...engine.problem.size import Size
 from ...engine.problem.surface_directions import SurfaceDirection
-from ...engine.problem.validation import check_area_or_range, show
+from ...engine.problem.validation import check_area_or_range
 from ...engine.surface.chart import RESOLUTION
 from ...engine.surface.mesh_outline import Outline
 from ...engine.surface.triangle_mesh import TriangleMesh

@@ -9,8 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from ...engine.errors import ProblemError
+from ...engine.problem.given_values import as_float, show
 from ...engine.problem.settings import Choice, as_given, described, setting
-from ...engine.problem.validation import as_float, check_name, show
+from ...engine.problem.validation import check_name
 from .density_source import Density, DensityReader, DensitySource, Known, attribute_names, content_of
 from .image_density import stored_density
 

@@ -11,8 +11,9 @@ import bpy
 import numpy as np
 
 from ...engine.errors import ProblemError
+from ...engine.problem.given_values import show
 from ...engine.problem.settings import Choice, as_given, described, setting
-from ...engine.problem.validation import LARGEST_ANGLE, check_density, show
+from ...engine.problem.validation import LARGEST_ANGLE, check_density
 from ..targets.target import check_exists
 from .density_source import (
     TO_PAINT,

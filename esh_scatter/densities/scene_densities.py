@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 
 from ...engine.errors import ProblemError
+from ...engine.problem.given_values import show
 from ...engine.problem.settings import Choice, described, setting
-from ...engine.problem.validation import show
 from ..targets.depsgraph import evaluated_depsgraph
 from ..targets.target import check_exists, world_matrix
 from .density_source import DensityReader, DensitySource, Known

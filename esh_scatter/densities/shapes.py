@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ...engine.errors import ProblemError
-from ...engine.problem.validation import show
+from ...engine.problem.given_values import show
 from ..targets.depsgraph import evaluated_depsgraph
 from ..targets.evaluated_mesh import evaluated_mesh, vertices_in_world
 from ..targets.target import check_exists, is_result, read_triangles, world_matrix

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ...engine.errors import InputFileError
-from ...engine.problem.validation import show
+from ...engine.problem.given_values import show
 
 __all__ = ["BUILT_IN", "SHAPES", "built_in_presets", "name_of_preset", "parse_preset", "read_preset", "write_preset"]
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import bpy
 
 from ...engine.errors import EshError, ProblemError
-from ...engine.problem.validation import show
+from ...engine.problem.given_values import show
 from ..classes.name_lists import joined_names
 from ..classes.stand_ins import stand_in
 from ..densities.density_curve import curve_node

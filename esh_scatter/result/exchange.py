@@ -16,7 +16,7 @@ from ...engine.files.body_formats import FORMATS
 from ...engine.files.placement_files import check_ending, check_writable, write_bodies
 from ...engine.files.placement_reader import load_placement
 from ...engine.files.quaternions import multiply_xyzw, wxyz_of_axes
-from ...engine.problem.validation import as_path, show
+from ...engine.problem.given_values import as_path, show
 from ..targets.target import RESULT_TAG, check_exists, extent_of, put_offset
 from .attributes import INSTANCE_INDEX, ROTATION, SCALE
 from .display import matrix_of_points, shown_objects

@@ -15,12 +15,13 @@ import numpy as np
 from ...engine.device.devices import resolve_device
 from ...engine.device.launcher import Launcher
 from ...engine.errors import ProblemError
+from ...engine.problem.given_values import as_whole, show
 from ...engine.problem.placement import Placement
 from ...engine.problem.problem import Problem
 from ...engine.problem.report import Report
 from ...engine.problem.scatter_settings import ScatterSettings
 from ...engine.problem.settings import takes, with_changes
-from ...engine.problem.validation import as_whole, check_name, show
+from ...engine.problem.validation import check_name
 from ...engine.solve import moved, solve_on
 from ...engine.solver.progress import Progress
 from ...engine.surface.chart import Chart

@@ -18,10 +18,10 @@ from ...engine.errors import ProblemError
 from ...engine.geometry.convex_polygon import convex_hull, enclosing_polygon, width_of
 from ...engine.problem.clumps import occupied
 from ...engine.problem.footprint import MOST_CORNERS
+from ...engine.problem.given_values import show
 from ...engine.problem.obstacles import Obstacle
 from ...engine.problem.prepared_class import PreparedClass
 from ...engine.problem.settings import Settings, belongs_to, described, setting
-from ...engine.problem.validation import show
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ..densities.density_source import Known
 from ..densities.shapes import check_shapes, read_shapes, shape_objects

@@ -10,7 +10,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ...engine.errors import ProblemError
-from ...engine.problem.validation import show
+from ...engine.problem.given_values import show
 from ...engine.surface.triangle_mesh import TriangleMesh
 from .depsgraph import evaluated_depsgraph
 from .evaluated_mesh import in_world, vertex_positions

@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 
 from ...engine.errors import ProblemError
+from ...engine.problem.given_values import show
 from ...engine.problem.scatter_settings import TargetSettings
-from ...engine.problem.validation import show
 from ...engine.surface.chart import RESOLUTION, Chart
 from ...engine.surface.joined_mesh import joined, part_of_mesh, two_sided
 from ...engine.surface.surface_points import SurfacePoints

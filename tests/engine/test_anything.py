@@ -14,7 +14,7 @@ from pathlib import Path
 import esh
 import numpy as np
 import pytest
-from esh.engine.problem.validation import FOREIGN_ERRORS
+from esh.engine.problem.given_values import FOREIGN_ERRORS
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 

@@ -194,6 +194,7 @@ OF_SINGLE_VALUES = {
             "fixed_bodies",
             "fixed_table",
             "footprint",
+            "given_values",
             "footprints",
             "obstacles",
             "outlines_of_obstacles",

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from esh import Balance, BodyClass, Domain, EshError, Obstacle, Problem, ProblemError, Size
 from esh.engine.problem.body_class import Unsharp
+from esh.engine.problem.given_values import show
 from esh.engine.problem.line import Line
 from esh.engine.problem.prepared_class import prepare
-from esh.engine.problem.validation import show
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
