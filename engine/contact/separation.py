@@ -247,8 +247,7 @@ class Separation(OutlinesInSpace):
         momentum = HOT_MOMENTUM if hot else FIRST_MOMENTUM
         most = self.crowding.most_rounds
         self._swaps_left, self._jumps_left = HOT_SWAPS if hot else MOST_SWAPS, MOST_JUMPS
-        self._caught = math.inf if self._model.problem.obstacles else 0.0
-        self._squares = math.inf
+        self._caught, self._squares = math.inf if self._model.problem.obstacles else 0.0, math.inf
         guidance = None if hot else self._guidance
         guided, strongest = 0, PULL
         pull_rounds = ROUNDS_OF_PULL[int(self.crowding.covered > CROWDED and (self._free or self._fixed))]
