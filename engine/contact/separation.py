@@ -237,17 +237,9 @@ class Separation(OutlinesInSpace):
 
     def _try(self, go_on: Callable[[], bool] | None, hot: bool) -> bool | None:
         """One try; None where it was stopped."""
-        self._moves.last.zero_()
-        self._rebuild()
-        if self._swappable and self._fixed and not (self.crowding.is_hopeless or self._begun):
-            self._swap_first()
-            self._begun = [wp.clone(array) for array in self._places()]
-        if self._free and not (hot or self.crowding.is_hopeless or self._again):
-            self._turn_first()
+        self._begin(hot=hot)
         momentum = HOT_MOMENTUM if hot else FIRST_MOMENTUM
         most = self.crowding.most_rounds
-        self._swaps_left, self._jumps_left = HOT_SWAPS if hot else MOST_SWAPS, MOST_JUMPS
-        self._caught, self._squares = math.inf if self._model.problem.obstacles else 0.0, math.inf
         guidance = None if hot else self._guidance
         guided, strongest = 0, PULL
         pull_rounds = ROUNDS_OF_PULL[int(self.crowding.covered > CROWDED and (self._free or self._fixed))]
@@ -310,6 +302,19 @@ class Separation(OutlinesInSpace):
             self._move()
         self._recall(best_places)
         return None if stopped else False
+
+    def _begin(self, hot: bool) -> None:
+        """Trade places and turn before the first round, and see to it that others can be traded later."""
+        self._moves.last.zero_()
+        self._rebuild()
+        if self._swappable and self._fixed and not (self.crowding.is_hopeless or self._begun):
+            self._swap_first()
+            self._begun = [wp.clone(array) for array in self._places()]
+        if self._free and not (hot or self.crowding.is_hopeless or self._again):
+            self._turn_first()
+        self._swaps_left, self._jumps_left = HOT_SWAPS if hot else MOST_SWAPS, MOST_JUMPS
+        self._caught = math.inf if self._model.problem.obstacles else 0.0
+        self._squares = math.inf
 
     def _change_places(self, number: int, unguided: int, squares: float) -> int:
         """Give bodies that stay stuck other places: those of others of their kind, and free ones; returns how many have one.
