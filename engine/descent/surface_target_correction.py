@@ -49,14 +49,17 @@ class SurfaceTargetCorrection:
         facet, weight = facets.tiles(np.arange(facets.count))
         tile = cascade.tile_of_nodes()
         self._nodes = heat.deposit.shared_out(*self._in_triangles(facet[tile], weight[tile]), np.ones(len(tile)))
+        self._best, self._done = (np.inf, cascade.scale), False
+        # Over the mean density. Where there is less the surplus of single bodies would count as much as that of many.
+        self._density = np.ones(len(tile))
         if np.ptp(share / facets.tile_area) * facets.tile_area.sum() < SAME:
+            # What is even stays so as heat spreads.
             self._target = heat.deposit.area_evenly()
         else:
             self._target = heat.deposit.charges_evenly(*self._in_triangles(facet, weight), share)
-        self._best, self._done = (np.inf, cascade.scale), False
-        # Over the mean density. Where there is less the surplus of single bodies would count as much as that of many.
-        nothing = launcher.zeros(len(self._target), wp.float64)
-        self._density = np.maximum(heat.surplus_at(self._nodes, self._target, 1.0, nothing, self._number), 1.0)
+            nothing = launcher.zeros(len(self._target), wp.float64)
+            surplus = heat.surplus_at(self._nodes, self._target, 1.0, nothing, self._number)
+            self._density = np.maximum(surplus, 1.0)
 
     def _in_triangles(self, facet: np.ndarray, weight: np.ndarray) -> tuple[wp.array, wp.array]:
         """Triangles of points on facets, and weights of their corners."""

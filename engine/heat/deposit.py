@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import warp as wp
 
-from ..device.launcher import Launcher
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..space.cell_sort import CellSort
 from . import kernels_cut_mesh, kernels_deposit
 from .cut_mesh import CutMesh
@@ -30,10 +30,13 @@ class Deposit:
         launcher: Where to run.
         mesh: The mesh.
         area: Of the surface [m²].
+        stiffness: The triangles around every vertex; None: they are found again when somebody asks for them.
     """
 
-    def __init__(self, launcher: Launcher, mesh: CutMesh, area: float) -> None:
-        self._launcher, self._mesh, self._area = launcher, mesh, area
+    def __init__(
+        self, launcher: Launcher, mesh: CutMesh, area: float, stiffness: kernels_cut_mesh.Stiffness | None = None
+    ) -> None:
+        self._launcher, self._mesh, self._area, self._given = launcher, mesh, area, stiffness
 
     def charges(self, triangle: wp.array, barycentric: wp.array, charge: np.ndarray) -> wp.array:
         """Charges at points of the surface, shared out among the corners of the small triangles that they lie in.
@@ -57,21 +60,41 @@ class Deposit:
         launcher, count = self._launcher, len(charge)
         shares = Shares(launcher.empty(6 * count, wp.int32), launcher.empty(6 * count, wp.float64))
         inputs = [*self._located(triangle, barycentric), launcher.alike(charge, wp.float64), self._mesh.cut]
-        launcher.launch(kernels_deposit.share_out_evenly, count, [*inputs, self._stiffness], [*shares])
+        launcher.launch(kernels_deposit.share_out_evenly, count, [*inputs, self._across], [*shares])
         return self._added(shares)
 
     def area_evenly(self) -> wp.array:
         """Share of the surface's area at every vertex, as :meth:`charges_evenly` shares out what is spread over it."""
-        launcher, count = self._launcher, self._mesh.small_count
-        shares = Shares(launcher.empty(6 * count, wp.int32), launcher.empty(6 * count, wp.float64))
-        inputs = [self._mesh.cut, self._stiffness, self._area]
-        launcher.launch(kernels_deposit.share_out_area, count, inputs, [*shares])
-        return self._added(shares)
+        launcher, mesh = self._launcher, self._mesh
+        amount, total = launcher.empty(6 * mesh.small_count, wp.float64), launcher.empty(mesh.vertex_count, wp.float64)
+        inputs = [mesh.cut, self._across, self._area]
+        launcher.launch(kernels_deposit.share_out_area, mesh.small_count, inputs, [amount], grain=GRAIN_OF_NEIGHBORS)
+        inputs = [self._stiffness, self._across, amount]
+        launcher.launch(kernels_deposit.add_areas, mesh.vertex_count, inputs, [total], grain=GRAIN_OF_NEIGHBORS)
+        return total
 
     @functools.cached_property
     def _stiffness(self) -> kernels_cut_mesh.Stiffness:
         """The triangles around every vertex. Only what is shared out evenly asks for them, so that reports need not hold them."""
-        return self._mesh.stiffness()
+        return self._given or self._mesh.stiffness()
+
+    @functools.cached_property
+    def _across(self) -> kernels_deposit.Across:
+        """What lies across the sides of small triangles; found once, as it takes longer than to share out."""
+        launcher, stiffness = self._launcher, self._stiffness
+        corners = 3 * self._mesh.small_count
+        across = kernels_deposit.Across()
+        across.corner, ahead, behind = (launcher.empty(corners, wp.int32) for _ in range(3))
+        across.cotangent, across.area = stiffness.cotangent, stiffness.area
+        launcher.launch(kernels_deposit.find_ends, corners, [stiffness.order, self._mesh.cut], [ahead, behind])
+        launcher.launch(
+            kernels_deposit.find_across,
+            self._mesh.vertex_count,
+            [stiffness.start, stiffness.order, ahead, behind],
+            [across.corner],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
+        return across
 
     def _added(self, shares: Shares) -> wp.array:
         """What every vertex gets of shares."""

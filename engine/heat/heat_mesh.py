@@ -23,6 +23,7 @@ from ..problem.surface import PointsOnSurface, Surface
 from . import kernels_heat
 from .cut_mesh import CutMesh, cut_evenly
 from .deposit import Deposit, Shares
+from .heat_operator import HeatOperator
 from .split_triangles import even_triangles, split_triangles
 
 __all__ = ["HeatMesh", "HeatMeshes"]
@@ -123,25 +124,17 @@ class HeatMesh:
                 triangles, cuts, most_slowed = even, 1, MOST_SLOWED_OF_SLIVERS
         self.border = triangles.border
         self._mesh = mesh = CutMesh(launcher, triangles, cuts)
-        self.deposit = Deposit(launcher, mesh, surface.area)
-        n, corners, stiffness = mesh.vertex_count, 3 * mesh.small_count, mesh.stiffness()
-        self._area, self._root, rate, bound = (launcher.empty(n, wp.float64) for _ in range(4))
+        n, stiffness = mesh.vertex_count, mesh.stiffness()
+        # Of many it would take much memory, and next to nobody asks for it.
+        self.deposit = Deposit(launcher, mesh, surface.area, stiffness if small == FEWEST else None)
+        self._area, self._root, rate = (launcher.empty(n, wp.float64) for _ in range(3))
         inputs = [mesh.cut, stiffness]
         launcher.launch(
             kernels_heat.sum_at_vertices, n, inputs, [self._area, self._root, rate], grain=GRAIN_OF_NEIGHBORS
         )
         fastest = self._fastest(rate, most_slowed)
-        column, value = launcher.empty(2 * corners, wp.int32), launcher.empty(2 * corners, float)
-        diagonal = launcher.empty(n, float)
-        launcher.launch(
-            kernels_heat.fill_operator,
-            n,
-            [*inputs, self._root, fastest],
-            [column, value, diagonal, bound],
-            grain=GRAIN_OF_NEIGHBORS,
-        )
-        self._largest = self._largest_of(bound)
-        self._operator = [stiffness.start, column, value, diagonal]
+        self._operator = HeatOperator(launcher, mesh, stiffness, self._root, fastest)
+        self._largest = self._largest_of(self._operator.bound)
 
     def _largest_of(self, values: wp.array) -> float:
         """The largest of numbers of all vertices."""
@@ -282,21 +275,12 @@ class HeatMesh:
 
     def _spread(self, charges: wp.array, total: float, target: wp.array, time: float) -> wp.array:
         """What charges over their total, less a target, are after a time [m²]: densities times the roots of the masses, float."""
-        launch, n = self._launcher.launch, self._mesh.vertex_count
-        half = 0.5 * time * self._largest
-        coefficient = _chebyshev(half)
-        scale = 2.0 / self._largest
-        # x = 1 - 2 L / largest: T_0 is 1, T_1 is x.
-        before, result = self._launcher.empty(n, float), self._launcher.empty(n, float)
-        launch(kernels_heat.begin_spread, n, [charges, total, target, self._root, coefficient[0]], [before, result])
-        # The first step makes twice T_1 of T_0; half of it is T_1.
-        now = self._launcher.zeros(n, float)
-        launch(kernels_heat.chebyshev_step, n, [*self._operator, scale, before, 0.5 * coefficient[1]], [now, result])
-        launch(kernels_heat.halve, n, [], [now])
-        for factor in coefficient[2:]:
-            launch(kernels_heat.chebyshev_step, n, [*self._operator, scale, now, factor], [before, result])
-            before, now = now, before
-        return result
+        coefficients = _chebyshev(0.5 * time * self._largest)
+        start, result = (self._launcher.zeros(self._operator.count, float) for _ in range(2))
+        inputs = [charges, total, target, self._root, coefficients[0]]
+        self._launcher.launch(kernels_heat.begin_spread, self._mesh.vertex_count, inputs, [start, result])
+        self._operator.spread(start, coefficients, 2.0 / self._largest, result)
+        return result[: self._mesh.vertex_count]
 
 
 def _typical_size(surface: Surface) -> float:

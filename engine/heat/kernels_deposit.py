@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from .kernels_cut_mesh import Cut, Stiffness, vertex_at
+from .kernels_cut_mesh import Cut, Stiffness, vertex_at, vertex_within
 
 wp.set_module_options({"enable_backward": False})
 
@@ -12,6 +12,19 @@ wp.set_module_options({"enable_backward": False})
 # an eighth of a charge at most.
 LEAST_PRODUCTS = wp.constant(wp.float64(1.0e-3))
 MOST_ACROSS = wp.constant(wp.float64(0.5))
+
+
+@wp.struct
+class Across:
+    """What lies across the sides of small triangles.
+
+    For every corner of a small triangle the corner of the one across the side opposite of it that is not on that side; -1: there is no
+    such triangle, or several. And of the large triangles half the cotangents at their corners, and a third of a small one's area.
+    """
+
+    corner: wp.array(dtype=wp.int32)
+    cotangent: wp.array(dtype=wp.vec3d)
+    area: wp.array(dtype=wp.float64)
 
 
 @wp.struct
@@ -62,33 +75,62 @@ def share_out(
         amount[3 * b + k] = at.weight[k] * charge[b]
 
 
-@wp.func
-def beside(corner: int, cut: Cut, stiffness: Stiffness):
-    """Corner of the small triangle across the side opposite of a corner that is not on it; -1: there is none, or several."""
+@wp.kernel
+def find_ends(
+    first: int,
+    order: wp.array(dtype=wp.int32),
+    cut: Cut,
+    # outputs
+    ahead: wp.array(dtype=wp.int32),
+    behind: wp.array(dtype=wp.int32),
+):
+    """The other two vertices of the small triangles of all corners in ``order``: the one after it, and the one before it."""
+    s = first + wp.tid()
+    corner = order[s]
     k = corner % 3
-    begin = corner - k
-    one = vertex_at(begin + (k + 1) % 3, cut)
-    other = vertex_at(begin + (k + 2) % 3, cut)
-    found = int(-1)
-    count = int(0)
-    for s in range(stiffness.start[one], stiffness.start[one + 1]):
-        at = stiffness.order[s]
-        m = at % 3
-        if at - m != begin:
-            for step in range(2):
-                if vertex_at(at - m + (m + 1 + step) % 3, cut) == other:
-                    found = at - m + (m + 2 - step) % 3
+    triangle = corner / (3 * cut.small)
+    ahead[s] = vertex_within(corner - k + (k + 1) % 3, triangle, cut)
+    behind[s] = vertex_within(corner - k + (k + 2) % 3, triangle, cut)
+
+
+@wp.kernel
+def find_across(
+    first: int,
+    start: wp.array(dtype=wp.int32),
+    order: wp.array(dtype=wp.int32),
+    ahead: wp.array(dtype=wp.int32),
+    behind: wp.array(dtype=wp.int32),
+    # outputs
+    across: wp.array(dtype=wp.int32),
+):
+    """Corners across sides, see :class:`Across`, of all sides that begin at a vertex."""
+    i = first + wp.tid()
+    for s in range(start[i], start[i + 1]):
+        k = order[s] % 3
+        begin = order[s] - k
+        end = ahead[s]
+        found = int(-1)
+        count = int(0)
+        for t in range(start[i], start[i + 1]):
+            m = order[t] % 3
+            if order[t] - m != begin:
+                # The side ends at the next corner there, and lies opposite of the last; or the other way round.
+                if ahead[t] == end:
+                    found = order[t] - m + (m + 2) % 3
                     count += 1
-    return wp.where(count == 1, found, -1)
+                if behind[t] == end:
+                    found = order[t] - m + (m + 1) % 3
+                    count += 1
+        across[begin + (k + 2) % 3] = wp.where(count == 1, found, -1)
 
 
 @wp.func
-def ahead_of(corner: int, start: int, cut: Cut, stiffness: Stiffness):
+def ahead_of(corner: int, triangle: int, start: int, cut: Cut, across: Across):
     """How far along the side opposite of it a corner lies: 0 beside a vertex that the side starts at, 1 beside its end."""
     k = corner % 3
-    half = stiffness.cotangent[corner / 3 / cut.small]
+    half = across.cotangent[triangle]
     one = (k + 1) % 3
-    if vertex_at(corner - k + one, cut) != start:
+    if vertex_within(corner - k + one, triangle, cut) != start:
         one = (k + 2) % 3
     # Twice the area is the height times the side, and the square of the side over the sum of its two cotangents.
     return half[one] / (half[(k + 1) % 3] + half[(k + 2) % 3])
@@ -114,26 +156,27 @@ class Around:
 
 
 @wp.func
-def around(begin: int, cut: Cut, stiffness: Stiffness):
+def around(begin: int, cut: Cut, across: Across):
     """Find what is around the small triangle whose corners begin at a number.
 
     The triangles beside it are laid flat into its plane. Where there is none the surface goes on as in a mirror, as it does for heat.
     """
     found = Around()
-    area = stiffness.area[begin / 3 / cut.small]
+    triangle = begin / (3 * cut.small)
     product = wp.mat33d()
     for k in range(3):
         corner = begin + k
-        start = vertex_at(begin + (k + 1) % 3, cut)
-        along = ahead_of(corner, start, cut, stiffness)
+        start = vertex_within(begin + (k + 1) % 3, triangle, cut)
+        along = ahead_of(corner, triangle, start, cut, across)
         far = wp.float64(1.0)
         along_beside = along
-        vertex = vertex_at(corner, cut)
-        other = beside(corner, cut, stiffness)
+        vertex = vertex_within(corner, triangle, cut)
+        other = across.corner[corner]
         if other >= 0:
-            far = stiffness.area[other / 3 / cut.small] / area
-            along_beside = ahead_of(other, start, cut, stiffness)
-            vertex = vertex_at(other, cut)
+            beside = other / (3 * cut.small)
+            far = across.area[beside] / across.area[triangle]
+            along_beside = ahead_of(other, beside, start, cut, across)
+            vertex = vertex_within(other, beside, cut)
         place = wp.vec3d()
         place[k] = -far
         place[(k + 2) % 3] = along_beside + far * along
@@ -164,7 +207,7 @@ def share_out_evenly(
     barycentric: wp.array(dtype=wp.vec3d),
     charge: wp.array(dtype=wp.float64),
     cut: Cut,
-    stiffness: Stiffness,
+    across: Across,
     # outputs
     vertex: wp.array(dtype=wp.int32),
     amount: wp.array(dtype=wp.float64),
@@ -172,7 +215,7 @@ def share_out_evenly(
     """As :func:`share_out`, with the vertices across the three sides, so that charges are spread as widely wherever they lie."""
     b = first + wp.tid()
     at = in_small_triangle(triangle[b], barycentric[b], cut)
-    near = around(at.begin, cut, stiffness)
+    near = around(at.begin, cut, across)
     share = share_across(products(at.weight), near)
     left = at.weight - share @ near.place
     for k in range(3):
@@ -186,26 +229,50 @@ def share_out_evenly(
 def share_out_area(
     first: int,
     cut: Cut,
-    stiffness: Stiffness,
+    across: Across,
     whole: wp.float64,
     # outputs
-    vertex: wp.array(dtype=wp.int32),
     amount: wp.array(dtype=wp.float64),
 ):
-    """Share out the area of every small triangle, over the ``whole``, as :func:`share_out_evenly` does what is spread over it."""
+    """Share out the area of every small triangle, over the ``whole``, as :func:`share_out_evenly` does what is spread over it.
+
+    To the three corners, and to the vertices across the sides opposite of them.
+    """
     i = first + wp.tid()
-    near = around(3 * i, cut, stiffness)
+    near = around(3 * i, cut, across)
     one = wp.float64(1.0)
     # What is known of a small triangle is a third of its area.
-    area = wp.float64(3.0) * stiffness.area[i / cut.small] / whole
+    area = wp.float64(3.0) * across.area[i / cut.small] / whole
     # The mean of a product of two weights is a twelfth.
     share = share_across(wp.vec3d(one / wp.float64(12.0)), near)
     left = wp.vec3d(one / wp.float64(3.0)) - share @ near.place
     for k in range(3):
-        vertex[6 * i + k] = vertex_at(3 * i + k, cut)
-        vertex[6 * i + 3 + k] = near.vertex[k]
         amount[6 * i + k] = area * left[k]
         amount[6 * i + 3 + k] = area * share[k]
+
+
+@wp.kernel
+def add_areas(
+    first: int,
+    stiffness: Stiffness,
+    across: Across,
+    amount: wp.array(dtype=wp.float64),
+    # outputs
+    total: wp.array(dtype=wp.float64),
+):
+    """What every vertex gets of the areas around it, see :func:`share_out_area`, always added up in one order."""
+    i = first + wp.tid()
+    found = wp.float64(0.0)
+    for s in range(stiffness.start[i], stiffness.start[i + 1]):
+        corner = stiffness.order[s]
+        # Across a side from a small triangle is whoever it is across from; beyond a border it is the corner itself.
+        found += amount[corner / 3 * 6 + corner % 3]
+        giver = across.corner[corner]
+        if giver < 0:
+            found += amount[corner / 3 * 6 + 3 + corner % 3]
+        elif across.corner[giver] == corner:
+            found += amount[giver / 3 * 6 + 3 + giver % 3]
+    total[i] = found
 
 
 @wp.kernel

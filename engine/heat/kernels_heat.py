@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import warp as wp
 
-from .kernels_cut_mesh import Cut, Stiffness, vertex_at
+from .kernels_cut_mesh import Cut, Stiffness, vertex_within
 
 wp.set_module_options({"enable_backward": False})
 
 # Of a vertex of triangles without an area.
 SMALLEST_MASS = wp.constant(wp.float64(1.0e-300))
+# Rows of the operator whose entries lie side by side: a CPU takes them at once.
+ROWS = 8
+ROWS_OF_BLOCK = wp.constant(ROWS)
+# Entries of a vertex up to which those of the same column are added up: beyond, looking for them would take too long.
+MOST_MERGED = wp.constant(128)
 
 
 @wp.kernel
@@ -28,7 +33,7 @@ def sum_at_vertices(
     leaves = wp.float64(0.0)
     for s in range(stiffness.start[i], stiffness.start[i + 1]):
         k = stiffness.order[s] % 3
-        triangle = stiffness.order[s] / 3 / cut.small
+        triangle = stiffness.order[s] / (3 * cut.small)
         total += stiffness.area[triangle]
         for step in range(2):
             leaves += wp.abs(stiffness.cotangent[triangle][(k + 1 + step) % 3])
@@ -45,19 +50,21 @@ def limited(
     """Half the cotangents at the corners ``begin`` to ``begin + 2`` of a small triangle, none above what its sides may have."""
     half = stiffness.cotangent[triangle]
     for k in range(3):
-        lighter = wp.min(root[vertex_at(begin + (k + 1) % 3, cut)], root[vertex_at(begin + (k + 2) % 3, cut)])
+        one = vertex_within(begin + (k + 1) % 3, triangle, cut)
+        other = vertex_within(begin + (k + 2) % 3, triangle, cut)
+        lighter = wp.min(root[one], root[other])
         half[k] = wp.min(half[k], fastest * lighter * lighter)
     for k in range(3):
         if half[k] < wp.float64(0.0):
             # An obtuse angle takes back some of the other two: no more than there is.
-            one = half[(k + 1) % 3]
-            other = half[(k + 2) % 3]
-            half[k] = wp.max(half[k], -one * other / (one + other))
+            ahead = half[(k + 1) % 3]
+            behind = half[(k + 2) % 3]
+            half[k] = wp.max(half[k], -ahead * behind / (ahead + behind))
     return half
 
 
 @wp.kernel
-def fill_operator(
+def find_entries(
     first: int,
     cut: Cut,
     stiffness: Stiffness,
@@ -66,31 +73,87 @@ def fill_operator(
     # outputs
     column: wp.array(dtype=wp.int32),
     value: wp.array(dtype=float),
+    entries: wp.array(dtype=wp.int32),
     diagonal: wp.array(dtype=float),
     bound: wp.array(dtype=wp.float64),
 ):
     """The Laplacian over the roots of both masses, and what no row of it exceeds.
 
-    Beside the diagonal there are two entries for every corner, those of a vertex side by side. Across no side heat spreads faster than
-    ``fastest`` allows: with the masses as they are it still ends where it ought to.
+    A row has room for two entries for every corner, those of a vertex side by side; those of the two triangles beside a side are added
+    up. Across no side heat spreads faster than ``fastest`` allows: with the masses as they are it still ends where it ought to.
     """
     i = first + wp.tid()
     own = wp.float64(0.0)
     others = wp.float64(0.0)
+    begin = 2 * stiffness.start[i]
+    end = begin
+    merges = 2 * stiffness.start[i + 1] - begin <= MOST_MERGED
     for s in range(stiffness.start[i], stiffness.start[i + 1]):
         corner = stiffness.order[s]
         k = corner % 3
-        halves = limited(corner / 3 / cut.small, corner - k, cut, stiffness, root, fastest)
+        triangle = corner / (3 * cut.small)
+        halves = limited(triangle, corner - k, cut, stiffness, root, fastest)
         for step in range(2):
             # The angle that counts for a side lies opposite of it.
-            other = vertex_at(corner - k + (k + 1 + step) % 3, cut)
+            other = vertex_within(corner - k + (k + 1 + step) % 3, triangle, cut)
             half = halves[(k + 2 - step) % 3]
             own += half
             others += wp.abs(half)
-            column[2 * s + step] = other
-            value[2 * s + step] = wp.float32(-half / (root[i] * root[other]))
+            entry = wp.float32(-half / (root[i] * root[other]))
+            at = begin
+            if not merges:
+                at = end
+            while at < end and column[at] != other:
+                at += 1
+            if at == end:
+                column[at] = other
+                value[at] = entry
+                end += 1
+            else:
+                value[at] = value[at] + entry
+    entries[i] = end - begin
     diagonal[i] = wp.float32(own / (root[i] * root[i]))
     bound[i] = (own + others) / (root[i] * root[i])
+
+
+@wp.kernel
+def find_widths(
+    first: int,
+    entries: wp.array(dtype=wp.int32),
+    # outputs
+    width: wp.array(dtype=wp.int32),
+):
+    """The most entries of a row in every block of rows."""
+    block = first + wp.tid()
+    most = int(0)
+    for i in range(block * ROWS_OF_BLOCK, wp.min((block + 1) * ROWS_OF_BLOCK, entries.shape[0])):
+        most = wp.max(most, entries[i])
+    width[block] = most
+
+
+@wp.kernel
+def lay_side_by_side(
+    first: int,
+    start: wp.array(dtype=wp.int32),
+    column: wp.array(dtype=wp.int32),
+    value: wp.array(dtype=float),
+    entries: wp.array(dtype=wp.int32),
+    block_start: wp.array(dtype=wp.int32),
+    # outputs
+    beside: wp.array(dtype=wp.int32),
+    factor: wp.array(dtype=float),
+):
+    """Lay the first entries of all rows of a block side by side, then the second ones, and so on; shorter rows go on with zeros."""
+    i = first + wp.tid()
+    block = i / ROWS_OF_BLOCK
+    for k in range(block_start[block + 1] - block_start[block]):
+        to = ROWS_OF_BLOCK * (block_start[block] + k) + i % ROWS_OF_BLOCK
+        if i < entries.shape[0] and k < entries[i]:
+            beside[to] = column[2 * start[i] + k]
+            factor[to] = value[2 * start[i] + k]
+        else:
+            beside[to] = i
+            factor[to] = 0.0
 
 
 @wp.kernel
@@ -135,32 +198,76 @@ def halve(
     values[i] = 0.5 * values[i]
 
 
-@wp.kernel
-def chebyshev_step(
-    first: int,
-    start: wp.array(dtype=wp.int32),
-    column: wp.array(dtype=wp.int32),
-    value: wp.array(dtype=float),
+@wp.func_native(f"""
+#if defined(__CUDA_ARCH__)
+    typedef float V;
+    typedef int I;
+    const int lanes = 1;
+    auto load = [](const float* from) -> V {{ return from[0]; }};
+    auto store = [](float* to, V v) {{ to[0] = v; }};
+    auto numbers = [](const int* from) -> I {{ return from[0]; }};
+    auto get = [](const float* from, I at) -> V {{ return from[at]; }};
+#else
+    typedef float V __attribute__((ext_vector_type({ROWS}), aligned(4)));
+    typedef int I __attribute__((ext_vector_type({ROWS}), aligned(4)));
+    const int lanes = {ROWS};
+    auto load = [](const float* from) -> V {{ return *(const V*)from; }};
+    auto store = [](float* to, V v) {{ *(V*)to = v; }};
+    auto numbers = [](const int* from) -> I {{ return *(const I*)from; }};
+    auto get = [](const float* from, I at) -> V
+    {{
+        V v;
+        for (int l = 0; l < {ROWS}; ++l) v[l] = from[at[l]];
+        return v;
+    }};
+#endif
+    const int row = i * lanes;
+    const int block = row / {ROWS};
+    const int lane = row - block * {ROWS};
+    const int end = {ROWS} * block_start.data[block + 1];
+    V total = load(diagonal.data + row) * load(now.data + row);
+    for (int k = {ROWS} * block_start.data[block] + lane; k < end; k += {ROWS})
+        total += load(factor.data + k) * get(now.data, numbers(beside.data + k));
+    // T_{{k+1}} = 2 (1 - scale A) T_k - T_{{k-1}}
+    const V next = 2.0f * (load(now.data + row) - scale * total) - load(before.data + row);
+    store(before.data + row, next);
+    store(result.data + row, load(result.data + row) + coefficient * next);
+""")
+def next_polynomial(
+    i: int,
+    block_start: wp.array(dtype=wp.int32),
+    beside: wp.array(dtype=wp.int32),
+    factor: wp.array(dtype=float),
     diagonal: wp.array(dtype=float),
     scale: float,
     now: wp.array(dtype=float),
-    factor: float,
+    coefficient: float,
+    before: wp.array(dtype=float),
+    result: wp.array(dtype=float),
+): ...
+
+
+@wp.kernel
+def chebyshev_step(
+    first: int,
+    block_start: wp.array(dtype=wp.int32),
+    beside: wp.array(dtype=wp.int32),
+    factor: wp.array(dtype=float),
+    diagonal: wp.array(dtype=float),
+    scale: float,
+    now: wp.array(dtype=float),
+    coefficient: float,
     # outputs
     before: wp.array(dtype=float),
     result: wp.array(dtype=float),
 ):
     """The next Chebyshev polynomial of a sparse operator, in the place of the one before the last; add it to the result.
 
-    ``start`` counts pairs of entries.
+    An element is a block of rows on a CPU, a row on a GPU. Entries lie as :func:`lay_side_by_side` leaves them.
     """
-    i = first + wp.tid()
-    total = diagonal[i] * now[i]
-    for k in range(2 * start[i], 2 * start[i + 1]):
-        total += value[k] * now[column[k]]
-    # T_{k+1} = 2 (1 - scale A) T_k - T_{k-1}
-    new = 2.0 * (now[i] - scale * total) - before[i]
-    before[i] = new
-    result[i] = result[i] + factor * new
+    next_polynomial(
+        first + wp.tid(), block_start, beside, factor, diagonal, scale, now, coefficient, before, result
+    )
 
 
 @wp.kernel
