@@ -112,15 +112,15 @@ def find_across(
         found = int(-1)
         count = int(0)
         for t in range(start[i], start[i + 1]):
-            m = order[t] % 3
-            if order[t] - m != begin:
-                # The side ends at the next corner there, and lies opposite of the last; or the other way round.
-                if ahead[t] == end:
-                    found = order[t] - m + (m + 2) % 3
+            # The side ends at the next corner there, and lies opposite of the last; or the other way round.
+            is_ahead = ahead[t] == end
+            if is_ahead or behind[t] == end:
+                m = order[t] % 3
+                if order[t] - m != begin:
                     count += 1
-                if behind[t] == end:
-                    found = order[t] - m + (m + 1) % 3
-                    count += 1
+                    found = order[t] - m + (m + 1 + int(is_ahead)) % 3
+                    if ahead[t] == behind[t]:
+                        count += 1
         across[begin + (k + 2) % 3] = wp.where(count == 1, found, -1)
 
 

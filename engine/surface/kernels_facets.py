@@ -187,6 +187,17 @@ def carried(vector: wp.vec3, old: wp.vec3, new: wp.vec3):
 
 
 @wp.func
+def stays_within(facet: int, weight: wp.vec2, way: wp.vec3, facets: Facets):
+    """Whether a point that goes ``way`` ends on its facet, by all of the way: :func:`step_along` would say the same."""
+    old = spot_at(facet, weight, facets)
+    inside = weights_in(facet, old.position + way, facets)
+    if inside[0] < 0.0 or inside[1] < 0.0 or inside[0] + inside[1] > 1.0:
+        return False
+    length = wp.length(way)
+    return length - wp.length(spot_at(facet, inside, facets).position - old.position) <= FELL_SHORT * length
+
+
+@wp.func
 def step_along(facet: int, weight: wp.vec2, way: wp.vec3, facets: Facets):
     """Where a point ends that goes ``way`` along the surface, round an edge as well; where it stood, if that is on another sheet."""
     old = spot_at(facet, weight, facets)
