@@ -324,10 +324,56 @@ def average_normals(
                 if same_cell(cell_at(others.position[j], grid.inverse_size), around):
                     near = wp.exp(-0.5 * square / (width * width))
                     total += (side_factor(others.normal[j], own) * near * area[j]) * others.normal[j]
+    average[i] = direction_of(total, own)
+
+
+@wp.func
+def direction_of(total: wp.vec3, own: wp.vec3):
+    """Where a sum of normals looks to; ``own`` if that is to no side, or to the other one."""
     length = wp.length(total)
-    average[i] = own
     if length > 0.0 and wp.dot(total, own) > 0.0:
-        average[i] = total / length
+        return total / length
+    return own
+
+
+@wp.kernel
+def weigh_near(
+    first: int,
+    points: Points,
+    others: Points,
+    start: wp.array(dtype=wp.int32),
+    entry: wp.array(dtype=wp.int32),
+    width: float,
+    # outputs
+    near: wp.array(dtype=float),
+):
+    """A Gaussian of how far the others are away that are listed for every point."""
+    i = first + wp.tid()
+    for k in range(start[i], start[i + 1]):
+        square = wp.length_sq(others.position[entry[k]] - points.position[i])
+        near[k] = wp.exp(-0.5 * square / (width * width))
+
+
+@wp.kernel
+def average_listed(
+    first: int,
+    points: Points,
+    others: Points,
+    area: wp.array(dtype=float),
+    start: wp.array(dtype=wp.int32),
+    entry: wp.array(dtype=wp.int32),
+    near: wp.array(dtype=float),
+    # outputs
+    average: wp.array(dtype=wp.vec3),
+):
+    """What :func:`average_normals` finds, to the last bit, where the others are listed and weighed that it looks for."""
+    i = first + wp.tid()
+    own = points.normal[i]
+    total = wp.vec3(0.0, 0.0, 0.0)
+    for k in range(start[i], start[i + 1]):
+        j = entry[k]
+        total += (side_factor(others.normal[j], own) * near[k] * area[j]) * others.normal[j]
+    average[i] = direction_of(total, own)
 
 
 @wp.func

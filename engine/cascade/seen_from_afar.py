@@ -15,6 +15,8 @@ cut has 0.84 instead of 0.85, a cylinder 0.83 instead of 0.85.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import warp as wp
 
@@ -22,7 +24,7 @@ from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..surface import kernels_facets
 from ..surface.facets import Facets
 from . import kernels_points
-from .points import chosen, empty_points, grid_of, nearest_of, same, thinned
+from .points import chosen, empty_points, grid_of, lists_of, nearest_of, same, thinned
 
 __all__ = ["looks_other_from_afar", "seen_from_afar"]
 
@@ -39,6 +41,8 @@ ROUNDED = (0.24, 10)
 # Where the Gaussian is cut off, in standard deviations; and the distance of the points that stand for the surface, over the spacing.
 REACH = 2.5
 STEP = 0.3
+# Of more points than this those near each are looked for every time: lists of them would take more than 150 MB.
+MOST_LISTED = 500_000
 # A surface is rough if its normals turn by more than this in a unit [rad], as a root mean square over its area. Measured with 4,096
 # bodies, from near and from afar: Suzanne, 0.40, has smallest spacings of 0.766 and 0.772 (16 seeds), a rock, 0.34, of 0.836 and
 # 0.844. Spheres and tori, 0.06 and 0.16, look the same from afar, which takes time.
@@ -88,24 +92,48 @@ def _averages(launcher: Launcher, facets: Facets, on_device: kernels_facets.Face
     share, rounds = ROUNDED if facets.surface.has_blunt_creases else SMOOTHED
     width = share * length
     few, area = _standing_for_all(launcher, facets, on_device, STEP * length)
-    grid = grid_of(launcher, few.position, REACH * width)
-
-    def average(points: kernels_points.Points) -> wp.array:
-        result = launcher.empty(len(points.position), wp.vec3)
-        inputs = [points, few, area, grid, width, REACH * width]
-        launcher.launch(kernels_points.average_normals, len(result), inputs, [result], grain=GRAIN_OF_NEIGHBORS)
-        return result
-
     # Most corners belong to several facets.
     corners, which = _corners(launcher, facets, on_device)
-    corners.normal = average(corners)
+    average_of_corners = _averaging(launcher, corners, few, area, width, rounds)
+    average_of_few = _averaging(launcher, few, few, area, width, rounds - 1)
+    corners.normal = average_of_corners()
     for _ in range(rounds - 1):
-        few.normal = average(few)
-        corners.normal = average(corners)
+        few.normal = average_of_few()
+        corners.normal = average_of_corners()
     everywhere = launcher.empty(len(which), wp.vec3)
     inputs = [which, len(corners.position), 1, corners.normal]
     launcher.launch(kernels_points.spread_vectors, len(which), inputs, [everywhere])
     return everywhere
+
+
+def _averaging(
+    launcher: Launcher,
+    points: kernels_points.Points,
+    others: kernels_points.Points,
+    area: wp.array,
+    width: float,
+    rounds: int,
+) -> Callable[[], wp.array]:
+    """Return what averages the normals of ``others`` at points as these are now, which is done so many times.
+
+    Where they are averaged more than once, those near each point are looked for and weighed once.
+    """
+    reach, count = REACH * width, len(points.position)
+    if rounds > 1 and count <= MOST_LISTED:
+        lists = lists_of(launcher, points, others, reach)
+        near = launcher.empty(len(lists.entry), float)
+        inputs = [points, others, lists.start, lists.entry, width]
+        launcher.launch(kernels_points.weigh_near, count, inputs, [near], grain=GRAIN_OF_NEIGHBORS)
+        kernel, known = kernels_points.average_listed, [lists.start, lists.entry, near]
+    else:
+        kernel, known = kernels_points.average_normals, [grid_of(launcher, others.position, reach), width, reach]
+
+    def average() -> wp.array:
+        result = launcher.empty(count, wp.vec3)
+        launcher.launch(kernel, count, [points, others, area, *known], [result], grain=GRAIN_OF_NEIGHBORS)
+        return result
+
+    return average
 
 
 def _corners(

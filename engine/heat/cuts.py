@@ -60,6 +60,15 @@ class Cuts(NamedTuple):
 
     def locate(self, triangle: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Parts that points lie in, and weights of their corners, of points given by the wholes."""
+        part, inside = self.first[triangle], weight.copy()
+        # What is not cut has the weights that it had.
+        cut = np.flatnonzero(self.number[triangle] > 1)
+        if len(cut):
+            part[cut], inside[cut] = self._locate_cut(triangle[cut], weight[cut])
+        return part, _inside(inside)
+
+    def _locate_cut(self, triangle: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The same of points in triangles that are cut; weights may be a little below 0."""
         apex, count, rows = self.apex[triangle], self.number[triangle], np.arange(len(triangle))
         ahead = np.where(apex < 0, 0.0, 1.0 - weight[rows, apex])
         guess = (ahead * count).astype(np.int64)
@@ -73,7 +82,7 @@ class Cuts(NamedTuple):
             better = found.min(axis=1) > least
             least = np.where(better, found.min(axis=1), least)
             part, inside = np.where(better, tried, part), np.where(better[:, None], found, inside)
-        return part, _inside(inside)
+        return part, inside
 
 
 def in_halves(halved: np.ndarray, sides: Sides, is_halved: np.ndarray) -> tuple[Cuts, np.ndarray]:
