@@ -265,9 +265,7 @@ def chebyshev_step(
 
     An element is a block of rows on a CPU, a row on a GPU. Entries lie as :func:`lay_side_by_side` leaves them.
     """
-    next_polynomial(
-        first + wp.tid(), block_start, beside, factor, diagonal, scale, now, coefficient, before, result
-    )
+    next_polynomial(first + wp.tid(), block_start, beside, factor, diagonal, scale, now, coefficient, before, result)
 
 
 @wp.kernel

@@ -323,6 +323,28 @@ def test_sides_of_a_thin_wall_and_touching_parts_do_not_blend_from_afar(launcher
     assert np.abs(blended[1] - blended[0].normal[:, None]).max() > 0.2
 
 
+def test_normals_near_a_point_are_looked_for_once_where_there_are_blunt_creases(launcher, monkeypatch):
+    """They are averaged ten times. Where there are too many to list them, the averages are the same to the last bit."""
+    mesh = trimesh.creation.icosphere(subdivisions=0).subdivide()
+    launched, launch = [], Launcher.launch
+
+    def counted(self, kernel, count, *given, **options):
+        launched.append(kernel.key)
+        launch(self, kernel, count, *given, **options)
+
+    monkeypatch.setattr(Launcher, "launch", counted)
+    given = launcher, np.array(mesh.vertices) * 6.0, np.array(mesh.faces), 2.0
+    facets, listed = corner_normals_from_afar(*given)
+    assert facets.surface.has_blunt_creases
+    assert launched.count("list_near") == 2
+    assert "average_normals" not in launched
+    monkeypatch.setattr("esh.engine.cascade.seen_from_afar.MOST_LISTED", 0)
+    _, looked_for = corner_normals_from_afar(*given)
+    assert launched.count("average_normals") > 10
+    np.testing.assert_array_equal(listed, looked_for)
+    assert np.abs(listed - facets.corner_normal).max() > 0.05
+
+
 def test_only_blunt_creases_and_roughness_look_other_from_afar(launcher):
     def looks_other(mesh):
         surface = Surface(SurfaceMesh(np.array(mesh.vertices), np.array(mesh.faces)))

@@ -104,3 +104,31 @@ def test_beside_slivers_and_borders_nothing_is_lost(launcher):
     assert shared.sum() == pytest.approx(400.0)
     assert np.isfinite(shared).all()
     assert np.abs(shared).max() < 400.0
+
+
+def across_of(mesh):
+    """Corners across sides of small triangles, by a table of all sides: see :class:`~esh.engine.heat.kernels_deposit.Across`."""
+    small = mesh.small_vertices.reshape(-1, 3)
+    corners = {}
+    for i, vertex in enumerate(small.tolist()):
+        for k in range(3):
+            corners.setdefault(frozenset((vertex[(k + 1) % 3], vertex[(k + 2) % 3])), []).append(3 * i + k)
+    result = np.full(small.size, -1)
+    for found in corners.values():
+        if len(found) == 2:
+            result[found] = found[::-1]
+    return result
+
+
+@pytest.mark.parametrize("cells", [pytest.param(16, id="whole"), pytest.param(4, id="cut"), None])
+def test_whatever_shares_one_side_is_across_from_each_other(cells, launcher):
+    """But not where three triangles meet in a side, or none goes on."""
+    if cells is None:
+        corner = [[0, 0, 0], [0, 0, 1], [1, 0, 0], [-1, 1, 0], [-1, -1, 0.5], [1, 1, 1]]
+        face = np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4], [2, 1, 5]])
+        surface = esh.Surface(esh.SurfaceMesh(np.array(corner, float), face))
+    else:
+        surface, _ = irregular(0.7, cells)
+    deposit = HeatMesh(launcher, surface, 40).deposit
+    np.testing.assert_array_equal(deposit._across.corner.numpy(), across_of(deposit._mesh))
+    assert deposit.area_evenly().numpy().sum() == pytest.approx(1.0)

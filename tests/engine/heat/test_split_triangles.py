@@ -170,3 +170,21 @@ def test_coverage_errors_of_even_bodies_do_not_depend_on_slivers():
 def test_more_triangles_than_are_allowed_stay_whole():
     """Sides were let be longer and longer, without end."""
     assert split_triangles(strips(40, 40), 0.001, 1000).is_whole
+
+
+def test_points_in_triangles_that_are_whole_are_not_looked_for(monkeypatch):
+    """Of a rock's 10,000 bodies, few of whose triangles are split, that took longer than to share them out."""
+    lattice = strips(4, 40)
+    assert split_triangles(lattice, 0.26, 1_000_000).is_whole
+    # One more triangle is larger than all others.
+    corner = np.concatenate([lattice.position, [[3.0, 0.5, 0.0]]])
+    face = np.concatenate([lattice.triangle, [[len(corner) - 2, 40, len(corner) - 1]]])
+    parts = split_triangles(esh.Surface(esh.SurfaceMesh(corner, face)), 0.26, 1_000_000)
+    rng = np.random.default_rng(0)
+    triangle, weight = rng.integers(0, len(face), 3000), rng.dirichlet(np.ones(3), 3000)
+    asked, inverses = [], esh.engine.heat.cuts.inverses
+    monkeypatch.setattr("esh.engine.heat.cuts.inverses", lambda of: asked.append(len(of)) or inverses(of))
+    back, again = parts.points(*parts.locate(triangle, weight))
+    np.testing.assert_array_equal(back, triangle)
+    np.testing.assert_allclose(again, weight, atol=1e-9)
+    assert 0 < max(asked) <= len(parts) - len(face) + 1

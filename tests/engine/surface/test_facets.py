@@ -202,3 +202,53 @@ def test_facets_of_a_crumb_come_one_after_the_other_so_that_each_gets_its_share(
     assert facets.label.max() == len(more)
     assert (np.diff(part) != 0).sum() == 19 + len(more)
     assert (np.diff(facets.label) != 0).sum() == len(more)
+
+
+@wp.kernel
+def step_and_compare(
+    first: int,
+    facet: wp.array(dtype=wp.int32),
+    weight: wp.array(dtype=wp.vec2),
+    way: wp.array(dtype=wp.vec3),
+    facets: kernels_facets.Facets,
+    # outputs
+    stays: wp.array(dtype=wp.int32),
+    shown: wp.array(dtype=wp.vec3),
+    stepped: wp.array(dtype=wp.vec3),
+    other: wp.array(dtype=wp.int32),
+):
+    """Where points end on their facet, and where a step along the surface ends."""
+    i = first + wp.tid()
+    stays[i] = int(kernels_facets.stays_within(facet[i], weight[i], way[i], facets))
+    start = kernels_facets.spot_at(facet[i], weight[i], facets)
+    ended = kernels_facets.weights_in(facet[i], start.position + way[i], facets)
+    shown[i] = kernels_facets.spot_at(facet[i], ended, facets).position
+    new = kernels_facets.step_along(facet[i], weight[i], way[i], facets)
+    stepped[i] = new.position
+    other[i] = int(new.facet != facet[i])
+
+
+def test_who_stays_on_a_facet_goes_as_along_the_surface(launcher):
+    """To the last bit; and so do ways that lead out of the facet's plane, and beyond its sides."""
+    mesh = trimesh.creation.icosphere(subdivisions=2)
+    surface = Surface(SurfaceMesh(np.array(mesh.vertices), np.array(mesh.faces)))
+    count, n = len(surface.triangle), 4000
+    facets = Facets(launcher, surface, 0.1, np.zeros(count, int), np.zeros((count, 3), bool))
+    rng = np.random.default_rng(5)
+    facet = rng.integers(0, count, n).astype(np.int32)
+    way = rng.normal(size=(n, 3)) * rng.choice([0.1, 1.0, 3.0], (n, 1))
+    along = way - (way * facets.normal[facet]).sum(axis=1, keepdims=True) * facets.normal[facet]
+    way = np.where(rng.random((n, 1)) < 0.8, along, way).astype(np.float32)
+    given = [
+        launcher.array(facet, wp.int32),
+        launcher.array(rng.dirichlet(np.ones(3), n)[:, :2].astype(np.float32), wp.vec2),
+        launcher.array(way, wp.vec3),
+        facets.for_kernels(),
+    ]
+    stays, shown, stepped, other = (launcher.empty(n, kind) for kind in (wp.int32, wp.vec3, wp.vec3, wp.int32))
+    launcher.launch(step_and_compare, n, given, [stays, shown, stepped, other])
+    own = stays.numpy() != 0
+    assert 0.2 < own.mean() < 0.95
+    assert not other.numpy()[own].any()
+    np.testing.assert_array_equal(shown.numpy()[own], stepped.numpy()[own])
+    assert other.numpy()[~own].mean() > 0.5
