@@ -280,7 +280,13 @@ def begin_with(
     int k = begin;
     for (; k + lanes <= end; k += lanes) total += load(values + k) * get(from, numbers(numbers_of + k) * group_count);
 #if !defined(__CUDA_ARCH__)
-    for (int l = 0; k + l < end; ++l) total[l] += values[k + l] * from[numbers_of[k + l] * group_count];
+    if (k < end)
+    {{
+        // The next row's entries, or what lies behind the last one, do not count.
+        const I in_row = k + lane < end;
+        const V factor = in_row ? load(values + k) : (V)0.0f;
+        total += factor * get(from, (in_row & numbers(numbers_of + k)) * group_count);
+    }}
 #endif
     return sum(total);
 """)

@@ -225,7 +225,8 @@ def _between(
         inputs = [to_nodes, at_home, weights]
         launcher.launch(kernels_nodes.count_shares, number, inputs, [found], grain=GRAIN_OF_NEIGHBORS)
         start, total = running_sum(launcher, found)
-        entry, value = launcher.empty(max(total, 1), wp.int32), launcher.empty(max(total, 1), float)
+        # Read several at once, beyond the last one.
+        entry, value = launcher.empty(total + LANES, wp.int32), launcher.empty(total + LANES, float)
         inputs = [to_nodes, at_home, row, weights, start]
         launcher.launch(kernels_nodes.list_shares, number, inputs, [entry, value], grain=GRAIN_OF_NEIGHBORS)
         return Lists(start, entry), value

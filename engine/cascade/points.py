@@ -11,6 +11,7 @@ from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..device.running_sum import running_sum
 from ..space.cell_sort import CellSort
 from . import kernels_points
+from .native_lanes import LANES
 
 __all__ = [
     "Lists",
@@ -266,7 +267,8 @@ def lists_of(
     roomy = launcher.empty(ROOM * n, wp.int32)
     fill(launcher.array(np.arange(0, ROOM * n + 1, ROOM, dtype=np.int32), wp.int32), roomy)
     start, total = running_sum(launcher, count)
-    entry = launcher.empty(max(total, 1), wp.int32)
+    # Kernels may read several at once, beyond the last one.
+    entry = launcher.empty(total + LANES, wp.int32)
     if n and int(count.numpy().max()) <= ROOM:
         launcher.launch(kernels_points.close_up, n, [ROOM, roomy, start], [entry])
     else:
