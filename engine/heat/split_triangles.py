@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -50,10 +51,16 @@ class SplitTriangles:
         """Of the angles at their corners, shape ``[t, 3]``."""
         return cotangents(self.flat)
 
+    @functools.cached_property
+    def lengths(self) -> np.ndarray:
+        """Lengths of their sides, each opposite of a corner [m], shape ``[t, 3]``."""
+        side = self.flat[:, [2, 0, 1]] - self.flat[:, [1, 2, 0]]
+        return np.sqrt(np.einsum("tkd,tkd->tk", side, side))
+
     @property
     def border(self) -> float:
         """Length of all sides where the surface ends [m]."""
-        return float(_lengths(self).ravel()[self.sides.count[self.sides.number] == 1].sum())
+        return float(self.lengths.ravel()[self.sides.count[self.sides.number] == 1].sum())
 
     def points(self, triangle: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return triangles of the surface ``[n]``, and weights of corners ``[n, 3]``, of points given by the same here."""
@@ -89,7 +96,7 @@ class SplitTriangles:
         Of slivers with longer sides than asked for [m]. Those of which two corners are one are none.
         """
         is_flat = (self.sides.start == self.sides.end).reshape(-1, 3).any(axis=1)
-        longest = _lengths(self).max(axis=1)
+        longest = self.lengths.max(axis=1)
         slivers = ~is_flat & (2.0 * self.area < lowest * longest**2) & (longest > longer)
         return float(longest[slivers].sum()) * width / float(self.area.sum())
 
@@ -115,7 +122,7 @@ def split_triangles(surface: Surface, longest: float, most: int, near: float = 0
     """
     result = _whole(surface, near)
     while True:
-        is_large = (_lengths(result) > longest).all(axis=1)
+        is_large = (result.lengths > longest).all(axis=1)
         # By its number, so that both triangles of a side agree on it.
         is_halved = np.zeros(len(result.sides.count), bool)
         is_halved[result.sides.number.reshape(-1, 3)[is_large]] = True
@@ -126,7 +133,7 @@ def split_triangles(surface: Surface, longest: float, most: int, near: float = 0
     parts = np.ones(len(result.sides.count), np.int64)
     while True:
         # Sides that are one are as long, but for rounding.
-        np.maximum.at(parts, result.sides.number, np.ceil(_lengths(result).ravel() / longest).astype(np.int64))
+        np.maximum.at(parts, result.sides.number, np.ceil(result.lengths.ravel() / longest).astype(np.int64))
         of_sides = parts[result.sides.number].reshape(-1, 3)
         of_sides[of_sides.min(axis=1) > 1] = 1
         # With none split there are as many as before, which may be more.
@@ -143,7 +150,7 @@ def even_triangles(surface: Surface, longest: float, most: int, near: float = 0.
     """
     result = _whole(surface, near)
     while True:
-        length, number = _lengths(result), result.sides.number.reshape(-1, 3)
+        length, number = result.lengths, result.sides.number.reshape(-1, 3)
         at, rows = length.argmax(axis=1), np.arange(len(length))
         is_halved = np.zeros(len(result.sides.count), bool)
         is_halved[number[rows, at][length[rows, at] > longest]] = True
@@ -171,9 +178,3 @@ def _whole(surface: Surface, near: float) -> SplitTriangles:
             break
         result = result._after(*at_points(points, result.sides))
     return result
-
-
-def _lengths(triangles: SplitTriangles) -> np.ndarray:
-    """Lengths of sides [m], shape ``[t, 3]``."""
-    side = np.roll(triangles.flat, -2, axis=1) - np.roll(triangles.flat, -1, axis=1)
-    return np.sqrt(np.einsum("tkd,tkd->tk", side, side))
