@@ -28,7 +28,7 @@ from . import kernels_nodes
 from .beyond_edges import with_nodes_beyond_edges
 from .kernels_points import Points
 from .native_lanes import LANES
-from .points import Lists, chosen, lists_of, nearest_of, runs_of, thinned
+from .points import Lists, chosen, lists_of, nearest_of, room_for, runs_of, thinned
 
 __all__ = ["NEAR_REACH", "NodeLevel", "Nodes", "homed"]
 
@@ -185,7 +185,7 @@ class Nodes:
             # The weights of both ways blur the Gaussian by their variance, so it is made narrower, and higher, by that.
             rest = math.sqrt(octave**2 - 2.0 * width**2)
             near = lists_of(launcher, nodes, nodes, min(OCTAVE_REACH * rest, 2.0 * diagonal), LEAST_COSINE)
-            value = launcher.empty(len(near.entry), float)
+            value = room_for(launcher, len(near.entry), float)
             count = len(nodes.position)
             height = math.log(2.0) * (octave / rest) ** 2
             launcher.launch(kernels_nodes.weigh_octave, count, [nodes, near.start, near.entry, rest, height], [value])
@@ -225,8 +225,7 @@ def _between(
         inputs = [to_nodes, at_home, weights]
         launcher.launch(kernels_nodes.count_shares, number, inputs, [found], grain=GRAIN_OF_NEIGHBORS)
         start, total = running_sum(launcher, found)
-        # Read several at once, beyond the last one.
-        entry, value = launcher.empty(total + LANES, wp.int32), launcher.empty(total + LANES, float)
+        entry, value = room_for(launcher, total, wp.int32), room_for(launcher, total, float)
         inputs = [to_nodes, at_home, row, weights, start]
         launcher.launch(kernels_nodes.list_shares, number, inputs, [entry, value], grain=GRAIN_OF_NEIGHBORS)
         return Lists(start, entry), value

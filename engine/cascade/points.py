@@ -24,6 +24,7 @@ __all__ = [
     "lists_of",
     "nearest_of",
     "places_where",
+    "room_for",
     "runs_of",
     "same",
     "taken",
@@ -67,6 +68,11 @@ def empty_points(launcher: Launcher, count: int) -> kernels_points.Points:
     points.normal = launcher.empty(count, wp.vec3)
     points.label = launcher.empty(count, wp.int32)
     return points
+
+
+def room_for(launcher: Launcher, count: int, dtype: type) -> wp.array:
+    """Return an array for what lists hold, one element at least; kernels may read several at once, beyond the last one."""
+    return launcher.empty(count + LANES, dtype)[: max(count, 1)]
 
 
 def chosen(launcher: Launcher, points: kernels_points.Points, index: wp.array) -> kernels_points.Points:
@@ -267,8 +273,7 @@ def lists_of(
     roomy = launcher.empty(ROOM * n, wp.int32)
     fill(launcher.array(np.arange(0, ROOM * n + 1, ROOM, dtype=np.int32), wp.int32), roomy)
     start, total = running_sum(launcher, count)
-    # Kernels may read several at once, beyond the last one.
-    entry = launcher.empty(total + LANES, wp.int32)
+    entry = room_for(launcher, total, wp.int32)
     if n and int(count.numpy().max()) <= ROOM:
         launcher.launch(kernels_points.close_up, n, [ROOM, roomy, start], [entry])
     else:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
+import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
@@ -57,7 +56,7 @@ class HeatOperator:
         launcher.launch(kernels_heat.lay_side_by_side, self.count, inputs, [beside, factor])
         self._arrays = [block_start, beside, factor, diagonal]
 
-    def spread(self, before: wp.array, coefficients: Sequence[float], scale: float, result: wp.array) -> None:
+    def spread(self, before: wp.array, coefficients: np.ndarray, scale: float, result: wp.array) -> None:
         """Add to a result what Chebyshev polynomials of ``1 - scale A`` make of some numbers, but for the first one, these themselves.
 
         Args:

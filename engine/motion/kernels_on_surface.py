@@ -13,11 +13,10 @@ from ..surface.kernels_facets import (
     facet_of_tile,
     smooth_normal,
     spot_at,
-    stays_within,
     step_along,
+    step_within,
     tangential,
     tile_of,
-    weights_in,
     weights_in_tile,
     without_outward,
 )
@@ -403,14 +402,14 @@ def move_dots(
     facet = poses.facet[i]
     weight = poses.weight[i]
     new = Spot()
-    is_free = ground.ball_count == 0 and ground.outlines.count == 0
-    # Most steps end where they began, and need not be asked for; what they all share takes longer than that.
-    if is_free and stays_within(facet, weight, way, ground.facets):
-        start = spot_at(facet, weight, ground.facets)
-        new = spot_at(facet, weights_in(facet, start.position + way, ground.facets), ground.facets)
-        if not may_stand(facet, new.weight, bodies.support[i], ground):
-            new = walk(facet, weight, way, i, bodies.support[i], ground)
-    else:
+    new.facet = -1
+    # Most steps end on their facet: a walk, which may go anywhere, takes several times as long.
+    if ground.ball_count == 0 and ground.outlines.count == 0:
+        new = step_within(facet, weight, way, ground.facets)
+    stays = new.facet >= 0
+    if stays:
+        stays = may_stand(facet, new.weight, bodies.support[i], ground)
+    if not stays:
         new = walk(facet, weight, way, i, bodies.support[i], ground)
     poses.facet[i] = new.facet
     poses.weight[i] = new.weight

@@ -187,14 +187,16 @@ def carried(vector: wp.vec3, old: wp.vec3, new: wp.vec3):
 
 
 @wp.func
-def stays_within(facet: int, weight: wp.vec2, way: wp.vec3, facets: Facets):
-    """Whether a point that goes ``way`` ends on its facet, by all of the way: :func:`step_along` would say the same."""
+def step_within(facet: int, weight: wp.vec2, way: wp.vec3, facets: Facets):
+    """Where :func:`step_along` says that a point ends, if that is on its facet by all of the way; else the result's facet is -1."""
     old = spot_at(facet, weight, facets)
     inside = weights_in(facet, old.position + way, facets)
-    if inside[0] < 0.0 or inside[1] < 0.0 or inside[0] + inside[1] > 1.0:
-        return False
+    new = spot_at(facet, inside, facets)
     length = wp.length(way)
-    return length - wp.length(spot_at(facet, inside, facets).position - old.position) <= FELL_SHORT * length
+    leaves = inside[0] < 0.0 or inside[1] < 0.0 or inside[0] + inside[1] > 1.0
+    if leaves or length - wp.length(new.position - old.position) > FELL_SHORT * length:
+        new.facet = -1
+    return new
 
 
 @wp.func
