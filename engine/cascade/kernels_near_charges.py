@@ -64,15 +64,8 @@ class NearPart:
             }}
             else amount *= factor[0];
             const V at = square * inverse_cutoff;
-            // Of even and of odd powers by themselves: neither waits for the other.
-            const V twice = at * at;
-            V even = (V)term.data[{NEAR_TERMS} - 2], odd = (V)term.data[{NEAR_TERMS} - 1];
-            for (int t = {NEAR_TERMS} - 4; t >= 0; t -= 2)
-            {{
-                even = even * twice + term.data[t];
-                odd = odd * twice + term.data[t + 1];
-            }}
-            V force = odd * at + even;
+            V force = (V)term.data[{NEAR_TERMS} - 1];
+            for (int t = {NEAR_TERMS} - 2; t >= 0; --t) force = force * at + term.data[t];
             if (blurs)
             {{
                 const V q = 0.5f * square / (load(variance + j) + own_variance);

@@ -114,13 +114,11 @@ def find_across(
         for t in range(start[i], start[i + 1]):
             # The side ends at the next corner there, and lies opposite of the last; or the other way round.
             is_ahead = ahead[t] == end
-            if is_ahead or behind[t] == end:
-                m = order[t] % 3
-                if order[t] - m != begin:
-                    count += 1
-                    found = order[t] - m + (m + 1 + int(is_ahead)) % 3
-                    if ahead[t] == behind[t]:
-                        count += 1
+            m = order[t] % 3
+            if (is_ahead or behind[t] == end) and order[t] - m != begin:
+                found = order[t] - m + (m + 1 + int(is_ahead)) % 3
+                # Twice where two corners of a triangle are one.
+                count += 1 + int(ahead[t] == behind[t])
         across[begin + (k + 2) % 3] = wp.where(count == 1, found, -1)
 
 
