@@ -52,4 +52,5 @@ def is_settled(model: Model, residuals: Sequence[float]) -> bool:
     cover = cover_of(problem)
     if cover.covered > JOSTLED:
         return usual < (SETTLED_WHERE_JOSTLED if model.may_tangle else SETTLED_WHERE_SOFT)
-    return cover.pressed > PRESSED and float(np.quantile(residuals, 0.25)) < SETTLED_WHERE_JOSTLED
+    many = len(residuals) > LAST_STEPS
+    return many and cover.pressed > PRESSED and float(np.quantile(residuals, 0.25)) < SETTLED_WHERE_JOSTLED

@@ -14,7 +14,7 @@ import warp as wp
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.body_footprints import CAPSULE, BodyFootprints
 from ..problem.domain import Domain
-from ..problem.ground_of_large import LARGE_FROM
+from ..problem.ground_of_large import LARGE, LARGE_FROM
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
 from ..problem.surface import PointsOnSurface
@@ -83,24 +83,24 @@ class TakenGround:
 
 
 def taken_ground(placement: Placement, launcher: Launcher, class_index: int) -> TakenGround | None:
-    """Return the ground that larger bodies of other classes take from one; None where there is none.
+    """Return the ground that the large bodies of other classes take from one; None where no class has such bodies.
 
     They are longer than wide by as much as their outlines: each is taken for a capsule of its width and area.
     """
     problem = placement.problem
     if not problem.avoid_overlap or len(problem.classes) < 2:
         return None
-    own = placement.class_index == class_index
-    apart = problem.balance.classes_apart
-    others = ~own if apart is None else ~own & apart[class_index][placement.class_index]
-    if not own.any() or not others.any():
-        return None
-    # Usual areas say at once where nobody is large.
-    area = placement.area
-    if area[others].max() < LARGE_FROM * area[own].mean():
+    area, of_class = placement.area, placement.class_index
+    own = of_class == class_index
+    count = np.bincount(of_class, minlength=len(problem.classes))
+    mean = np.bincount(of_class, weights=area, minlength=len(problem.classes)) / np.maximum(count, 1)
+    larger = mean >= LARGE * mean[class_index]
+    if problem.balance.classes_apart is not None:
+        larger &= problem.balance.classes_apart[class_index]
+    if not own.any() or not larger.any():
         return None
     footprints = footprints_of_placement(placement)
-    large = np.flatnonzero(others & (area >= LARGE_FROM * float(area[own].mean())))
+    large = np.flatnonzero(larger[of_class] & (area >= LARGE_FROM * mean[class_index]))
     ground = footprints.areas(placement.length, placement.width, apart=True)
     around = float(np.sqrt(ground[own] / math.pi).mean())
     along, length, radius, shift = _as_capsules(placement, footprints, large)

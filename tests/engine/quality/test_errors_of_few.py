@@ -17,7 +17,7 @@ def ground(kind):
 @pytest.mark.parametrize("kind", ["plane", "surface"])
 @pytest.mark.parametrize(
     ("separation", "apart", "said", "closer"),
-    [(1.0, True, True, True), (0.5, True, True, False), (0.0, True, True, False), (0.0, False, False, False)],
+    [(1.0, True, True, True), (0.5, True, False, False), (0.0, True, True, False), (0.0, False, False, False)],
 )
 def test_small_bodies_that_large_ones_keep_off_are_named_and_what_lets_them_closer(
     kind, separation, apart, said, closer
@@ -31,8 +31,8 @@ def test_small_bodies_that_large_ones_keep_off_are_named_and_what_lets_them_clos
         assert '"disc"' in found[0] and '"plate"' not in found[0] and ("lower" in found[0]) == closer
     assert {entry.name for entry in placement.report.classes if entry.kept_off} == ({"disc"} if said else set())
     error = {entry["name"]: entry["coverage_error"] for entry in placement.report.to_dict()["classes"]}["disc"]
-    # What the plates cover is not free; and where classes are mixed wholly, nor is what is theirs around it.
-    assert (error > 0.15) == said and (error > 0.5) == closer
+    # Where classes are mixed wholly, what is a plate's around it is not free, either; where they are not at all, discs crowd there.
+    assert (error > 0.15) == said and (error > 0.3) == closer
 
 
 @pytest.mark.parametrize("kind", ["plane", "surface"])

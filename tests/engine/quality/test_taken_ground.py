@@ -133,7 +133,7 @@ def test_it_is_counted_where_classes_keep_apart_and_bodies_are_much_larger(launc
     may_overlap = Problem(
         Domain((SIDE, SIDE)), placement.problem.classes, Balance(non_overlap=np.eye(2)), avoid_overlap=True
     )
-    for problem in (among(large, apart=False), may_overlap, among(Size("s", 2.9 * math.pi * SMALL**2, 6))):
+    for problem in (among(large, apart=False), may_overlap, among(Size("s", 8.9 * math.pi * SMALL**2, 6))):
         assert taken_ground(solve(problem, device="cpu", max_steps=2), launcher, 1) is None
 
 
