@@ -29,14 +29,14 @@ CELLS = 32
 PIXELS_OF_CELL = 16
 # Forces go in steps of this share: a stroke of a brush does not change how all bodies act on each other.
 STEP = 0.2
-# What is left of the paper's own factor at least where small ones are so dense that large ones push them too little even with that.
+# What is left of an own factor of 1 at least where small ones are so dense that large ones push them too little even with that.
 LEAST_ALONE = 0.05
 
 
 def most_alone(problem: Problem) -> np.ndarray:
     """Return the largest own factor of every class with which large bodies of others push its own enough, shape ``[classes]``.
 
-    See :meth:`.Balance.class_factors`. It is infinite where no large ones keep off; the paper's is 1.
+    See :meth:`.Balance.class_factors`. It is infinite where no large ones keep off.
     """
     alpha, result = problem.balance.class_separation, np.full(len(problem.classes), math.inf)
     if not problem.avoid_overlap or len(problem.classes) < 2 or alpha in {0.0, 1.0}:
