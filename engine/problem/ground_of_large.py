@@ -27,6 +27,8 @@ LARGE_FROM, LARGE = 3.0, 9.0
 CELLS = 32
 # And pixels along each that are looked at, about.
 PIXELS_OF_CELL = 16
+# The same of a surface: points.
+POINTS = 4096
 # Forces go in steps of this share: a stroke of a brush does not change how all bodies act on each other.
 STEP = 0.2
 # What is left of an own factor of 1 at least where small ones are so dense that large ones push them too little even with that.
@@ -85,7 +87,7 @@ def _density_where_others_are(problem: Problem) -> np.ndarray:
     It is the mean over those of its bodies that are there: an erased spot changes nothing around others.
     """
     if isinstance(problem.domain, Surface):
-        points = problem.domain.sample()
+        points = problem.domain.sample(POINTS)
         found = [c.density_on(points) if c.varies_on_surface else np.ones(1) for c in problem.classes]
     else:
         width, height = problem.rectangle.size
