@@ -55,9 +55,10 @@ def solve(
 
     Returns:
         The placement, with exact counts and its report. ``report.converged`` is True when both hold: the bodies came to rest, and no
-        outlines overlap that are to keep apart. Bodies are at rest when the RMS of their moves, in most of the last three steps, is
-        below 0.005 of the local spacing. The limit is 0.02 where outlines that keep apart cover more than 75 % of their ground, and
-        contact decides how far they move.
+        outlines overlap that are to keep apart. Bodies are at rest when the RMS of their moves, in most of the last steps (three, or
+        15 of 90 and more), is below 0.005 of the local spacing. The limit is up to 0.02 where outlines keep apart and contact decides
+        how far they move: beside obstacles, where they cover more than 75 % of their ground, or where a tenth of the bodies is much
+        more crowded than all of them.
 
         More steps may still improve a converged placement a little. With 2,000 bodies, runs count as converged from 20 steps on, when
         coverage errors are up to a fifth above those after 400 steps.

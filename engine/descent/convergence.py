@@ -29,7 +29,8 @@ SETTLED_WHERE_JOSTLED, SETTLED_WHERE_SOFT = 2e-2, 1e-2
 # boulders. There one step in ten is ten times as long as the others, so a quarter of the last steps tells. Measured on pebbles that
 # are to cover up to 0.9 beside boulders on a fifth of the ground: a quarter of the steps come to 0.01 after 50 and after 1,000, and
 # no figure of the report changes from 100 to 300.
-PRESSED = 0.6
+# Even ground does not do that, so the tenth is to be more crowded than all by a factor.
+PRESSED, MORE_PRESSED = 0.6, 1.2
 
 
 def last_steps(max_steps: int) -> int:
@@ -52,5 +53,5 @@ def is_settled(model: Model, residuals: Sequence[float]) -> bool:
     cover = cover_of(problem)
     if cover.covered > JOSTLED:
         return usual < (SETTLED_WHERE_JOSTLED if model.may_tangle else SETTLED_WHERE_SOFT)
-    many = len(residuals) > LAST_STEPS
-    return many and cover.pressed > PRESSED and float(np.quantile(residuals, 0.25)) < SETTLED_WHERE_JOSTLED
+    pressed = len(residuals) > LAST_STEPS and cover.pressed > max(PRESSED, MORE_PRESSED * cover.covered)
+    return pressed and float(np.quantile(residuals, 0.25)) < SETTLED_WHERE_JOSTLED

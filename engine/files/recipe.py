@@ -108,20 +108,15 @@ __all__ = ["ParsedRecipe", "parse_recipe", "read_recipe", "recipe_colors", "reci
 
 VERSION = 1
 AT_TOP = "at the top, before the first table"
+AS_TABLE = "in the recipe itself, as a table of its own"
 # Where keys stand, for messages about one that stands elsewhere: those of the first places are more likely meant. What stands after a
 # table's header is that table's.
 PLACES: dict[str, tuple[str, ...]] = {
     AT_TOP: (
         "version",
         *keys_of(ProblemSettings),
-        "domain",
-        "surface",
-        "balance",
-        "class",
-        "image",
-        "fixed",
-        "obstacle",
     ),
+    AS_TABLE: ("domain", "surface", "balance", "class", "image", "fixed", "obstacle"),
     "under [[class]]": (*("size" if key == "sizes" else key for key in keys_of(BodyClass)), "color"),
     "under [[class.size]]": keys_of(Size),
     "under [domain]": keys_of(Domain),
@@ -167,7 +162,7 @@ def read_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = None) -> 
     recipe = RecipeTable(parsed.path, "", "", parsed.entries, PLACES)
     # The version comes first: a recipe of another one may well have other keys.
     recipe.take("version", _check_version)
-    recipe.check_keys(*PLACES[AT_TOP])
+    recipe.check_keys(*PLACES[AT_TOP], *PLACES[AS_TABLE])
     settings = read_settings(recipe, ProblemSettings)
     if seed is not None:
         settings["seed"] = validation.check_seed(seed)

@@ -45,7 +45,7 @@ class Cover:
         fits: Share of the ground that can be covered without overlap, as an estimate. It depends on how long bodies are, and on
             whether they may turn or are parallel.
         crowded: Share of the bodies that are asked for at places where more is asked for than fits; 0 if there are none.
-        pressed: Share of the ground that the densest tenth of the bodies are asked to take where they are; ``covered`` if unknown.
+        pressed: Share of the ground that the densest tenth of the bodies are asked to take where they are; ``covered`` on surfaces.
     """
 
     covered: float

@@ -14,6 +14,7 @@ emphases are, the second is checked by :class:`~esh.engine.problem.balance.Balan
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -90,6 +91,7 @@ def group_bodies(
     levels: int = LEVELS,
     area: np.ndarray | None = None,
     sample_of: Problem | None = None,
+    densities: Sequence[np.ndarray] | None = None,
 ) -> Groups:
     """Sort the bodies of ``problem`` into groups.
 
@@ -98,6 +100,7 @@ def group_bodies(
         levels: Groups that a range of areas is cut into, at most.
         area: Footprints of the bodies [m²], shape ``[body_count]``; None for those that the problem draws.
         sample_of: What ``problem`` has samples of, with the same classes and sizes; None if it has all bodies.
+        densities: Images of the classes' densities where the problem has others in their place; None if it has them.
     """
     area = problem.shared_areas() if area is None else area
     first_body = 0
@@ -126,7 +129,7 @@ def group_bodies(
     counts = [c.body_count for c in whole.classes]
     # Of its largest size: how many there are of each, samples do not tell.
     areas = [max(size.mean_area for size in c.sizes) for c in problem.classes]
-    between = problem.balance.class_factors(counts, areas, most_alone(whole))[np.ix_(index, index)]
+    between = problem.balance.class_factors(counts, areas, most_alone(whole, densities))[np.ix_(index, index)]
     matrix = between * np.minimum(e[:, None], e[None, :])
     spans = [one for c in problem.classes for size in c.sizes for one in size.area_span]
     if len(e) > 1 and min(spans) * LEAST_SPAN <= max(spans):

@@ -50,7 +50,7 @@ class ClassReport:
     Attributes:
         name: Name of the class.
         coverage_error: :func:`~esh.engine.quality.coverage.coverage_error` of the class alone, at k = 1. Where overlap is avoided,
-            nothing is asked for on the ground of classes whose bodies are at least nine times as large on average.
+            nothing is asked for on the ground of bodies of other classes that are at least nine times as large as its own.
         sizes: One entry for each size.
         smallest_spacing: Smallest distance between two of its bodies, over the hexagonal spacing of the class alone. None with fewer
             than two bodies, and on surfaces.

@@ -107,13 +107,13 @@ class Coverage:
 
     def beside(self, image: np.ndarray, taken: TakenGround) -> np.ndarray:
         """Return a density without the ground that is taken from it; the same one where hardly any is left."""
-        rows, columns = self.shape
-        share = np.ones(rows * columns) if image.size == 1 else self._share_of(image).numpy()
-        free = share.reshape(self.shape) * taken.in_cells(self.domain, self.shape)
-        if free.sum(dtype=np.float64) < LEAST_FREE * share.sum(dtype=np.float64):
+        free = taken.in_cells(self.domain, self.shape)
+        if image.size > 1:
+            free *= self._share_of(image).numpy().reshape(self.shape)
+        if free.sum(dtype=np.float64) < LEAST_FREE * (1.0 if image.size > 1 else free.size):
             return image
         # Cells begin at the bottom, images at the top.
-        return np.ascontiguousarray(free[::-1], np.float32)
+        return np.ascontiguousarray(free[::-1])
 
     def excess(self, some: np.ndarray, targets: Sequence[Target], one: int) -> float:
         """Return what is left of the :meth:`error` of a class whatever bodies there are beside ``some``, a truth value for each.

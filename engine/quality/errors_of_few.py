@@ -135,7 +135,7 @@ def notes_on_larger_classes(names: Sequence[str], *, mixed: bool) -> list[str]:
     if not names:
         return []
     said = ", ".join(f'"{name}"' for name in names[:3]) + (" and others" if len(names) > 3 else "")
-    text = f"much larger bodies of other classes keep {said} off part of the ground, which counts as uneven"
+    text = f"much larger bodies of other classes keep {said} off part of the ground, or crowd it beside them, which counts as uneven"
     if mixed:
         text += "; a lower `class_separation` lets them closer"
     return [Note(text, NoteKind.AROUND_LARGER)]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from .kernels_sheets import on_one_sheet
+
 wp.set_module_options({"enable_backward": False})
 
 
@@ -32,6 +34,7 @@ def is_within(place: wp.vec3, capsules: Capsules, j: int):
 def take_cells(
     first: int,
     capsules: Capsules,
+    lanes: int,
     rows: int,
     columns: int,
     width: float,
@@ -40,8 +43,12 @@ def take_cells(
     # outputs
     free: wp.array(dtype=float),
 ):
-    """Write 0 for every cell of a rectangle whose middle a capsule covers; row 0 lies at the bottom."""
-    j = first + wp.tid()
+    """Write 0 for every cell of a rectangle whose middle a capsule covers; row 0 lies at the bottom.
+
+    Each capsule has so many ``lanes``, which take its rows in turns.
+    """
+    j = (first + wp.tid()) // lanes
+    lane = (first + wp.tid()) - lanes * j
     middle = capsules.middle[j]
     half = capsules.half[j]
     reach_x = wp.abs(half[0]) + capsules.radius[j]
@@ -57,7 +64,7 @@ def take_cells(
         right = wp.min(right, columns - 1)
         low = wp.max(low, 0)
         high = wp.min(high, rows - 1)
-    for row in range(low, high + 1):
+    for row in range(low + lane, high + 1, lanes):
         for column in range(left, right + 1):
             place = wp.vec3((float(column) + 0.5) * cell_x, (float(row) + 0.5) * cell_y, 0.0)
             if is_within(place, capsules, j):
@@ -72,16 +79,21 @@ def find_free(
     grid: wp.uint64,
     place: wp.array(dtype=wp.vec3),
     normal: wp.array(dtype=wp.vec3),
+    sheet: wp.array(dtype=wp.int32),
     capsules: Capsules,
     facing: wp.array(dtype=wp.vec3),
+    stands_on: wp.array(dtype=wp.int32),
     reach: float,
     # outputs
     free: wp.array(dtype=float),
 ):
-    """Write which points of a surface no capsule covers that stands on this side of it; none reaches farther than ``reach``."""
+    """Write which points of a surface no capsule covers that stands on the same sheet of it; none reaches farther than ``reach``."""
     i = first + wp.tid()
     result = float(1.0)
+    up = wp.vec3d(normal[i])
     for j in wp.hash_grid_query(grid, place[i], reach):
-        if result > 0.0 and wp.dot(normal[i], facing[j]) > 0.0 and is_within(place[i], capsules, j):
-            result = float(0.0)
+        if result > 0.0 and sheet[i] == stands_on[j] and is_within(place[i], capsules, j):
+            way = wp.vec3d(capsules.middle[j] - place[i])
+            if on_one_sheet(way, wp.length(way), up, wp.vec3d(facing[j])):
+                result = float(0.0)
     free[i] = result

@@ -7,6 +7,7 @@ ground of these as it counts that of obstacles: nothing is asked for there.
 from __future__ import annotations
 
 import math
+from functools import cached_property
 
 import numpy as np
 import warp as wp
@@ -14,16 +15,19 @@ import warp as wp
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.body_footprints import CAPSULE, BodyFootprints
 from ..problem.domain import Domain
-from ..problem.ground_of_large import LARGE, LARGE_FROM
+from ..problem.ground_of_large import LARGE, ground_radius
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
-from ..problem.surface import PointsOnSurface
+from ..problem.surface import PointsOnSurface, Surface
 from . import kernels_taken_ground
+from .sheets import sheets_of
 
 __all__ = ["LEAST_FREE", "TakenGround", "taken_ground"]
 
 # Cells along every axis of the table that bodies are looked up in.
 CELLS = 64
+# Threads of a GPU that share the rows of cells that a body covers.
+LANES_ON_GPU = 64
 # At least so large a share of what a class asks for has to be free; where less is, its density counts as it is.
 LEAST_FREE = 0.1
 
@@ -37,45 +41,74 @@ class TakenGround:
         half: From there to its end [m], shape ``[n, 3]``.
         radius: [m], shape ``[n]``.
         normal: Where the ground looks to there, shape ``[n, 3]``.
+        triangle: Triangle of a surface that each stands on, shape ``[n]``, and the sheet of every triangle; None in a rectangle.
     """
 
     def __init__(
-        self, launcher: Launcher, middle: np.ndarray, half: np.ndarray, radius: np.ndarray, normal: np.ndarray
+        self,
+        launcher: Launcher,
+        middle: np.ndarray,
+        half: np.ndarray,
+        radius: np.ndarray,
+        normal: np.ndarray,
+        triangle: tuple[np.ndarray, np.ndarray] | None,
     ) -> None:
         self._launcher = launcher
+        none: np.ndarray = np.zeros(0, np.int32)
+        self._triangle, self._sheet = (none, none) if triangle is None else triangle
         # In float32, from near by and in a unit that fits.
         self._origin, self._unit = middle.mean(axis=0), float(radius.max() + np.linalg.norm(half, axis=1).max())
         self._middle, self._half, self._radius, self._normal = middle, half, radius, normal
 
-    def _capsules(self, origin: np.ndarray, unit: float) -> kernels_taken_ground.Capsules:
+    def _capsules(self, origin: np.ndarray) -> kernels_taken_ground.Capsules:
         launcher, capsules = self._launcher, kernels_taken_ground.Capsules()
-        capsules.middle = launcher.array((self._middle - origin) / unit, wp.vec3)
-        capsules.half = launcher.array(self._half / unit, wp.vec3)
-        capsules.radius = launcher.array(self._radius / unit, float)
+        capsules.middle = launcher.array((self._middle - origin) / self._unit, wp.vec3)
+        capsules.half = launcher.array(self._half / self._unit, wp.vec3)
+        capsules.radius = launcher.array(self._radius / self._unit, float)
         return capsules
+
+    @cached_property
+    def _table(self) -> tuple[wp.HashGrid, kernels_taken_ground.Capsules, wp.array, wp.array]:
+        """Where bodies are looked up that may reach a point; they, where the ground looks to under them, and its sheets."""
+        launcher, capsules = self._launcher, self._capsules(self._origin)
+        grid = wp.HashGrid(CELLS, CELLS, CELLS, device=launcher.device)
+        grid.build(capsules.middle, 1.0)
+        return grid, capsules, launcher.array(self._normal, wp.vec3), self._sheets(self._triangle)
+
+    def _sheets(self, triangle: np.ndarray) -> wp.array:
+        return self._launcher.array(self._sheet[triangle].astype(np.int32), wp.int32)
 
     def in_cells(self, domain: Domain, shape: tuple[int, int]) -> np.ndarray:
         """Return 1 for every cell of a rectangle that is free, and 0 for others, of this shape; row 0 at the bottom."""
         launcher, (rows, columns) = self._launcher, shape
         free = launcher.array(np.ones(rows * columns, np.float32), float)
+        lanes = LANES_ON_GPU if launcher.device.is_cuda else 1
         size = [length / self._unit for length in domain.size]
-        inputs = [self._capsules(np.zeros(3), self._unit), rows, columns, *size, int(domain.periodic)]
-        launcher.launch(kernels_taken_ground.take_cells, len(self._radius), inputs, [free], grain=GRAIN_OF_NEIGHBORS)
+        inputs = [self._capsules(np.zeros(3)), lanes, rows, columns, *size, int(domain.periodic)]
+        launcher.launch(
+            kernels_taken_ground.take_cells, lanes * len(self._radius), inputs, [free], grain=GRAIN_OF_NEIGHBORS
+        )
         return free.numpy().reshape(shape)
 
     def at(self, points: PointsOnSurface) -> np.ndarray:
         """Return 1 for points of a surface that are free, and 0 for others, shape ``[n]``."""
         launcher = self._launcher
-        capsules = self._capsules(self._origin, self._unit)
-        grid = wp.HashGrid(CELLS, CELLS, CELLS, device=launcher.device)
-        grid.build(capsules.middle, 1.0)
+        grid, capsules, facing, stands_on = self._table
         free = launcher.empty(len(points.triangle), float)
         place = launcher.array((points.position - self._origin) / self._unit, wp.vec3)
-        inputs = [grid.id, place, launcher.array(points.normal, wp.vec3), capsules]
         launcher.launch(
             kernels_taken_ground.find_free,
             len(free),
-            [*inputs, launcher.array(self._normal, wp.vec3), 1.0],
+            [
+                grid.id,
+                place,
+                launcher.array(points.normal, wp.vec3),
+                self._sheets(points.triangle),
+                capsules,
+                facing,
+                stands_on,
+                1.0,
+            ],
             [free],
             grain=GRAIN_OF_NEIGHBORS,
         )
@@ -83,7 +116,7 @@ class TakenGround:
 
 
 def taken_ground(placement: Placement, launcher: Launcher, class_index: int) -> TakenGround | None:
-    """Return the ground that the large bodies of other classes take from one; None where no class has such bodies.
+    """Return the ground that large bodies of other classes take from one; None where there are none.
 
     They are longer than wide by as much as their outlines: each is taken for a capsule of its width and area.
     """
@@ -92,25 +125,32 @@ def taken_ground(placement: Placement, launcher: Launcher, class_index: int) -> 
         return None
     area, of_class = placement.area, placement.class_index
     own = of_class == class_index
-    count = np.bincount(of_class, minlength=len(problem.classes))
-    mean = np.bincount(of_class, weights=area, minlength=len(problem.classes)) / np.maximum(count, 1)
-    larger = mean >= LARGE * mean[class_index]
-    if problem.balance.classes_apart is not None:
-        larger &= problem.balance.classes_apart[class_index]
-    if not own.any() or not larger.any():
+    if not own.any():
         return None
-    footprints = footprints_of_placement(placement)
-    large = np.flatnonzero(larger[of_class] & (area >= LARGE_FROM * mean[class_index]))
-    ground = footprints.areas(placement.length, placement.width, apart=True)
-    around = float(np.sqrt(ground[own] / math.pi).mean())
-    along, length, radius, shift = _as_capsules(placement, footprints, large)
+    large = ~own & (area >= LARGE * float(area[own].mean()))
+    if problem.balance.classes_apart is not None:
+        large &= problem.balance.classes_apart[class_index][of_class]
+    if not large.any():
+        return None
+    some, footprints = np.flatnonzero(large), footprints_of_placement(placement)
+    sizes = problem.classes[class_index].sizes
+    around = np.average(
+        [ground_radius(problem.classes[class_index], s) for s in sizes], weights=[s.count or 0 for s in sizes]
+    )
+    along, length, radius, shift = _as_capsules(placement, footprints, some)
     half = 0.5 * length[:, None] * along
+    triangle = None
+    if isinstance(problem.domain, Surface):
+        assert placement.mesh is not None and placement.triangle is not None and placement.barycentric is not None
+        points = problem.domain.locate(placement.mesh[some], placement.triangle[some], placement.barycentric[some])
+        triangle = points.triangle, sheets_of(problem.domain, len(area), launcher)[0]
     return TakenGround(
         launcher,
-        _in_space(placement, large, shift) + _position(placement, large),
-        _in_space(placement, large, half),
-        radius + around,
-        np.broadcast_to([0.0, 0.0, 1.0], (len(large), 3)) if placement.normal is None else placement.normal[large],
+        _in_space(placement, some, shift) + _position(placement, some),
+        _in_space(placement, some, half),
+        radius + float(around),
+        np.broadcast_to([0.0, 0.0, 1.0], (len(some), 3)) if placement.normal is None else placement.normal[some],
+        triangle,
     )
 
 

@@ -174,10 +174,12 @@ class Solver:
         placing.cut()
         placing.check_domain(problem)
         check_memory(problem)
-        self._record = Record()
-        with self._record:
+        record = Record()
+        with record:
             with self.launcher.phase("set-up"):
                 added, removed, settle = placing.edit(problem)
+            # What was refused has changed nothing.
+            self._record = record
             placing.next_identity = max(placing.next_identity, int(added.max(initial=-1)) + 1)
             if steps:
                 settle(steps)
@@ -272,9 +274,10 @@ class Solver:
             self._placing.take_identities(identity, model.fixed)
         if variant is not None or scale is not None:
             model.take_outlines(given_outlines(model, variant, scale))
-        self._record = Record()
-        with self._record:
+        record = Record()
+        with record:
             self._placing.start_at(GivenPlaces(position, angle, length, triangle, barycentric))
+        self._record = record
 
     def step(self, count: int = 1) -> float:
         """Take ``count`` steps, and return the residual after the last one: see :attr:`Progress.residual`.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -164,10 +165,15 @@ class TileGroups:
         return int(self.class_index[group]), int(self.size_index[group])
 
 
-def group_tiles(problem: Problem) -> TileGroups:
-    """Return the groups of a problem of any number of bodies."""
+def group_tiles(problem: Problem, densities: Sequence[np.ndarray] | None = None) -> TileGroups:
+    """Return the groups of a problem of any number of bodies.
+
+    Args:
+        problem: The problem.
+        densities: Coarse images of the densities of its classes, which may be read by window; None where only counts matter.
+    """
     sample = _sample(problem)
-    groups = group_bodies(sample, sample_of=problem)
+    groups = group_bodies(sample, sample_of=problem, densities=densities)
     sampled = np.bincount(groups.body_group, minlength=groups.count)
     rows = []
     areas = sample.body_areas()

@@ -235,7 +235,7 @@ def make_plan(run: TileRun) -> Plan:
     sources = tuple(clumped.get(c, source) for c, source in enumerate(sources))
     if problem.rectangle.periodic:
         sources = tuple(WrappedSource(source) for source in sources)
-    groups = group_tiles(problem)
+    groups = group_tiles(problem, [shares for shares, _ in surveys])
     size = problem.rectangle.size
     units = tuple(units_along([s.shape[1 - axis] for s in sources], run.tiles[axis]) for axis in (0, 1))
     spacing = math.sqrt(problem.rectangle.area / groups.body_count)

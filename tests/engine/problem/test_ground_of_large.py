@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 from esh import Balance, BodyClass, Domain, Problem, Size, Surface, SurfaceMesh, solve
-from esh.engine.problem.ground_of_large import STEP
+from esh.engine.problem.ground_of_large import STEP, most_alone
 from esh.engine.problem.interaction import group_bodies
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -48,6 +48,31 @@ def test_what_counts_is_how_dense_small_ones_are_asked_to_be_where_both_are():
         assert pushed(left, 1500, boulders) == pytest.approx(pushed(1.0)), "half as many on half of the ground"
     may_overlap = boulders_and_tufts(Domain((40.0, 40.0)), apart=False)
     assert pushed(right, boulders=left) == pytest.approx(pushed_by(may_overlap))
+
+
+def test_each_large_size_has_a_say_by_how_many_small_ones_it_leaves_no_ground_for():
+    """Bodies elsewhere, and those that are hardly larger, have next to none; and sizes of one class are told apart."""
+    near, far = np.array([[1.0, 0.1]]), np.array([[0.0, 1.0]])
+    boulders = BodyClass("boulder", [Size("s", math.pi * LARGE**2, 30)], density=np.array([[1.0, 0.0]]))
+    tufts = BodyClass("tuft", [Size("s", math.pi * SMALL**2, 3000)], density=near)
+
+    def most(*classes):
+        return most_alone(Problem(Domain((40.0, 40.0)), [*classes], avoid_overlap=True))[0]
+
+    alone = most(tufts, boulders)
+    for times in (2.0, 3.1, 4.0, 9.0, 20.0):
+        stones = BodyClass("stone", [Size("s", times * math.pi * SMALL**2, 200)], density=far)
+        assert most(tufts, boulders, stones) == pytest.approx(alone, rel=0.5)
+    with_small = BodyClass("boulder", [*boulders.sizes, Size("t", math.pi * SMALL**2, 3000)], density=boulders.density)
+    assert most(tufts, with_small) == pytest.approx(alone)
+
+
+def test_a_density_in_narrow_stripes_counts_as_what_it_is_on_average():
+    stripes = np.zeros((2048, 64))
+    stripes[3::8] = 1.0
+    for density in (stripes, stripes.T):
+        found = pushed_by(boulders_and_tufts(Domain((40.0, 40.0)), density=density))
+        assert found == pytest.approx(pushed_by(boulders_and_tufts(Domain((40.0, 40.0)))), rel=1.2 * STEP)
 
 
 def test_the_factors_stay_where_overlap_is_allowed_and_those_of_the_paper_where_they_are_asked_for():

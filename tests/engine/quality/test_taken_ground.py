@@ -27,9 +27,9 @@ from esh.engine.quality.taken_ground import taken_ground
 SIDE, SMALL = 20.0, 0.1
 
 
-@pytest.fixture
-def launcher():
-    made = Launcher(resolve_device("cpu"))
+@pytest.fixture(params=["cpu", pytest.param("cuda:0", marks=pytest.mark.cuda)])
+def launcher(request):
+    made = Launcher(resolve_device(request.param))
     yield made
     made.close()
 
@@ -124,6 +124,27 @@ def test_what_stands_on_the_other_side_of_a_board_takes_nothing(launcher):
         stand = np.count_nonzero(placement.normal[own, 2] * up > 0.5)
         share = np.count_nonzero(taken.at(points)[on_side] == 0.0) / np.count_nonzero(on_side)
         assert share == pytest.approx(stand * math.pi * (math.sqrt(4.0 / math.pi) + SMALL) ** 2 / SIDE**2, rel=0.1)
+
+
+def test_what_stands_on_a_shelf_takes_nothing_of_the_next_one(launcher):
+    corners = np.array([[0.0, 0.0, 0.0], [SIDE, 0.0, 0.0], [SIDE, SIDE, 0.0], [0.0, SIDE, 0.0]])
+    triangles = np.array([[0, 1, 2], [0, 2, 3]])
+    shelves = Surface(
+        SurfaceMesh(
+            np.vstack([corners, corners + [0.0, 0.0, 0.5]]),
+            np.vstack([triangles, triangles + 4]),
+        )
+    )
+    placement = solve(among(Size("s", 4.0, 8), shelves), device="cpu", max_steps=20)
+    points, own = shelves.sample(), placement.class_index == 0
+    free = taken_ground(placement, launcher, 1).at(points)
+    for low, high in ((-0.1, 0.1), (0.4, 0.6)):
+        here = (points.position[:, 2] > low) & (points.position[:, 2] < high)
+        stand = placement.position[own]
+        stand = stand[(stand[:, 2] > low) & (stand[:, 2] < high), :2]
+        away = np.linalg.norm(points.position[here, None, :2] - stand, axis=2).min(axis=1, initial=np.inf)
+        expected = away >= math.sqrt(4.0 / math.pi) + SMALL
+        assert np.mean(expected) < 0.97 and np.mean(expected != (free[here] > 0.0)) < 0.001
 
 
 def test_it_is_counted_where_classes_keep_apart_and_bodies_are_much_larger(launcher):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from esh.engine.device.launcher import launcher_of_process
 from esh.engine.problem.balance import SHARED_POWER
+from esh.engine.problem.interaction import group_bodies
 from esh.engine.quality.overlaps import overlaps_of
 from esh.engine.tiles.bodies import PartBodies, read_bodies
 from esh.engine.tiles.coarse import SCALE, CoarseGrid, cell_sums, displacement, solve_flow
@@ -235,6 +236,29 @@ def test_rare_lines_keep_to_their_density_and_off_obstacles(tmp_path):
     assert bodies["length"][own].mean() == pytest.approx(2.0, rel=0.02)
     nearest = spatial.cKDTree(bodies["position"][own]).query(bodies["position"][own], 2)[0][:, 1]
     assert nearest.min() > 0.5 * math.sqrt((1600.0 - math.pi * 49.0) / 30)
+
+
+def test_large_bodies_push_small_ones_as_in_one_solve_where_densities_are_read_by_window(tmp_path):
+    density = np.zeros((64, 64), np.float32)
+    density[:, :7] = 1.0
+    np.save(tmp_path / "strip.npy", density)
+    (tmp_path / "recipe.toml").write_text(
+        """version = 1
+avoid_overlap = true
+domain = { size = [40.0, 40.0] }
+[[class]]
+name = "boulder"
+density = "strip.npy"
+size = [{ name = "s", area = 4.5, count = 10 }]
+[[class]]
+name = "tuft"
+density = "strip.npy"
+size = [{ name = "s", area = 0.03, count = 3000 }]
+"""
+    )
+    whole = group_bodies(esh.read_recipe(tmp_path / "recipe.toml")).matrix
+    run = TileRun(str(tmp_path / "recipe.toml"), str(tmp_path), None, (2, 2), (60, 20, 10), "cpu", ".npz", "")
+    np.testing.assert_allclose(make_plan(run).groups.matrix, whole)
 
 
 def test_nobody_strays_to_where_windows_fade(tmp_path):
