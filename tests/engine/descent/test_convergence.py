@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 from esh import BodyClass, Domain, Problem, Size, cover_of, solve
+from esh.engine.descent.convergence import is_settled
+from esh.engine.model.model import Model
 
 
 def pebbles_among_boulders(most, seed=1):
@@ -41,3 +43,18 @@ def test_how_much_of_the_ground_the_densest_tenth_is_to_cover():
     assert pressed(1.0) == pytest.approx(0.5)
     # Nine tenths of the bodies stand on half of the ground.
     assert pressed(np.array([[9.0, 1.0]])) == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize(
+    ("residual", "steps", "expected"), [(0.004, 15, True), (0.015, 15, True), (0.03, 15, False), (0.015, 3, False)]
+)
+def test_what_counts_as_settled_where_some_are_crowded(residual, steps, expected):
+    assert is_settled(Model(pebbles_among_boulders(0.75)), [residual] * steps) == expected
+
+
+@pytest.mark.parametrize("cover", [0.5, 0.65, 0.72])
+def test_even_ground_is_no_crowd(cover):
+    count = round(cover * 400.0 / 0.1)
+    problem = Problem(Domain((20.0, 20.0)), [BodyClass("a", [Size("s", 0.1, count)])], avoid_overlap=True)
+    assert not is_settled(Model(problem), [0.008] * 15)
+    assert is_settled(Model(problem), [0.004] * 15)
