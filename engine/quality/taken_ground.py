@@ -72,6 +72,7 @@ class TakenGround:
         """Where bodies are looked up that may reach a point; they, where the ground looks to under them, and its sheets."""
         launcher, capsules = self._launcher, self._capsules(self._origin)
         grid = wp.HashGrid(CELLS, CELLS, CELLS, device=launcher.device)
+        launcher.send()
         grid.build(capsules.middle, 1.0)
         return grid, capsules, launcher.array(self._normal, wp.vec3), self._sheets(self._triangle)
 
@@ -81,7 +82,7 @@ class TakenGround:
     def in_cells(self, domain: Domain, shape: tuple[int, int]) -> np.ndarray:
         """Return 1 for every cell of a rectangle that is free, and 0 for others, of this shape; row 0 at the bottom."""
         launcher, (rows, columns) = self._launcher, shape
-        free = launcher.array(np.ones(rows * columns, np.float32), float)
+        free = launcher.own_array(np.ones(rows * columns, np.float32), float)
         lanes = LANES_ON_GPU if launcher.device.is_cuda else 1
         size = [length / self._unit for length in domain.size]
         inputs = [self._capsules(np.zeros(3)), lanes, rows, columns, *size, int(domain.periodic)]
