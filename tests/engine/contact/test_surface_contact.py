@@ -6,7 +6,8 @@ import esh
 import numpy as np
 import pytest
 import trimesh
-from esh.engine.contact import surface_contact
+import warp as wp
+from esh.engine.contact import kernels_surface_contact, surface_contact
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
@@ -24,18 +25,34 @@ def among_trees() -> Problem:
     return Problem(ground, [grass, trees], avoid_overlap=True, seed=2)
 
 
-def test_who_is_listed_as_near_is_who_is_found_in_every_round(among_trees, monkeypatch):
+def test_who_is_listed_as_near_is_who_is_found_in_every_round(among_trees):
+    """Where all bodies stand alike, nobody but those of the lists is found in the cells around them, rounds after these were made."""
+    anew = kernels_surface_contact.Nearby()
+    touched = 0
     with Solver(among_trees, device="cpu") as solver:
-        solver.run(40)
-        state = solver.state.copy()
-    positions = []
-    for room in (surface_contact.MOST_NEARBY, 0):
-        monkeypatch.setattr(surface_contact, "MOST_NEARBY", room)
-        with Solver(among_trees, device="cpu", state=state) as solver:
-            solver.run(8)
-            positions.append(solver.placement().position)
-    # The same, but for the order in which pushes are added up.
-    np.testing.assert_allclose(*positions, atol=2e-4)
+        solver.run(5)
+        contact, n = solver.descent.contact, solver.model.body_count
+        anew.room, anew.body = 0, contact._nearby.body
+        for _ in range(8):
+            solver.run(1)
+            contact._find()
+            for _ in range(3):
+                contact._round()
+                is_listed = contact._nearby.count.numpy() >= 0
+                assert is_listed.mean() > 0.9
+                anew.count = wp.full(n, -1, dtype=wp.int32, device="cpu")
+                found = []
+                for nearby in (contact._nearby, anew):
+                    seen = [contact._position, contact._neighbors, surface_contact.SLACK, surface_contact.DAMPING]
+                    outputs = [nearby, contact._pushes]
+                    contact._launcher.launch(kernels_surface_contact.push_apart, n, [*seen, contact._lanes], outputs)
+                    found.append([array.numpy().copy() for array in (contact._pushes.shift, contact._pushes.count)])
+                (shift, count), (shift_anew, count_anew) = found
+                np.testing.assert_array_equal(count, count_anew)
+                # The same, but for the order in which pushes are added up.
+                np.testing.assert_allclose(shift, shift_anew, atol=1e-6)
+                touched += np.count_nonzero(count[is_listed])
+    assert touched > 500
 
 
 def test_several_threads_find_together_what_one_finds(among_trees, monkeypatch):
