@@ -102,7 +102,7 @@ def test_grass_that_trees_keep_off_is_not_uneven_and_it_is_said_what_helps():
     assert classes_kept_off(area, index, [0.01, 1.0], every) == [1]
     found = notes_on_larger_classes(["Grass"], mixed=True)
     told = report(error=1.0, alone=1.0, converged=False, notes=found)
-    said = 'Much larger objects of other classes keep "Grass" off part of the ground, which counts as uneven'
+    said = 'Much larger objects of other classes keep "Grass" off part of the ground, or crowd it beside them, which counts as uneven'
     assert words.notes(told) == [f"{said}; a lower Mix Classes lets them closer"]
     assert words.summary(told) == "1,042 placed · no overlap · 0.8 s"
     found = notes_on_larger_classes(["Grass"], mixed=False)
