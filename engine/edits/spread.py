@@ -105,6 +105,8 @@ class Spreading:
         if not self._asked:
             return
         classes = [PreparedClass(str(i), (Size("point", 1.0, counts[i]),), _image(densities[i])) for i in self._asked]
+        # Points have no outlines that could lie inside.
+        domain = replace(domain, inset=False)
         model = Model(Problem(domain, classes, Balance(class_separation=0.0), seed=seed))
         self._descent = Descent(
             model, launcher, field_settings=FieldSettings(fewest_nodes=FEWEST_NODES), whole_numbers=False

@@ -1,5 +1,6 @@
 """A few points over a density."""
 
+import esh
 import numpy as np
 import pytest
 from esh.engine.device.launcher import launcher_of_process
@@ -80,3 +81,23 @@ def test_no_point_is_spread_to_where_nothing_is_asked_for(count):
             wide = np.pad(own, 2).astype(bool)
             near = np.logical_or.reduce([wide[a : a + 64, b : b + 64] for a in range(5) for b in range(5)])
             assert not len(one) or of_cells(near, one.numpy()).all()
+
+
+@pytest.mark.parametrize("boundary", ["open", "natural", "mirror"])
+def test_edits_keep_bodies_inside_where_they_are_to_lie_inside(boundary):
+    """Points that are spread for them have no outlines, and an inner problem was refused for that."""
+    falls = np.ones((32, 32))
+    falls[:, :16] = 0.2
+
+    def problem(density, count):
+        sizes = [esh.Size("s", 0.3, count)]
+        domain = esh.Domain((20.0, 20.0), boundary, inset=True)
+        return esh.Problem(domain, [esh.BodyClass("a", sizes, density)], avoid_overlap=True)
+
+    with esh.Solver(problem(1.0, 100), device="cpu") as solver:
+        solver.run(30)
+        for density, count in ((falls, 100), (falls, 120), (falls, 90)):
+            solver.edit(problem(density, count))
+            position = solver.placement().position
+            assert len(position) == count
+            assert (position > 0.3).all() and (position < 19.7).all()
