@@ -85,7 +85,8 @@ class Balance(Settings):
             "How evenly classes of few or small objects are spread beside others of many or larger ones. 0 treats all classes alike",
             more="A class's own factor is multiplied by its rarity times its smallness, to this power. Rarity is the largest count "
             "of a class over its own, at most 100; smallness is half of the largest area over its own, at least 1. "
-            "Where overlap is avoided it is less, so that small objects stand in no closed row around large ones. "
+            "Where overlap is avoided it is less, so that small objects stand in no closed row around large ones, and much smaller "
+            "sizes of one class get such a factor as well, so that there is no bare ground around the large ones. "
             "Rare classes of like areas also push each other more. 0 is the paper's",
             label="Favor Rare",
             low=0.0,

@@ -11,9 +11,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from .balance import TIMES_AS_LARGE
 from .body_kind import disc_radius
 from .packing import in_cells
 from .prepared_class import PreparedClass
@@ -21,7 +23,7 @@ from .problem import Problem
 from .size import Size
 from .surface import Surface
 
-__all__ = ["LARGE", "ground_radius", "most_alone"]
+__all__ = ["LARGE", "Bodies", "ground_radius", "most_alone", "spread_among_large"]
 
 # Areas from which on bodies are large beside others: nothing changes up to the first ratio, everything from the second on. Bodies that
 # are more alike stand in gaps between each other.
@@ -30,8 +32,120 @@ LARGE_FROM, LARGE = 3.0, 9.0
 CELLS, POINTS = 32, 1 << 14
 # Forces go in steps of this share: a stroke of a brush does not change how all bodies act on each other.
 STEP = 0.2
+# Small ones push each other so many times as strongly as that makes it: measured, their coverage errors are least then, with one class
+# or several, few large ones or many. They stand in rows along the rims of large ones, of which the first is where these begin.
+IN_ROWS = 1.25
+# Groups whose mean areas differ by less are not told apart.
+LEAST_RATIO = 2.0
 # What is left of an own factor of 1 at least where small ones are so dense that large ones push them too little even with that.
 LEAST_ALONE = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """Groups of bodies of about one size and one class.
+
+    Attributes:
+        class_index: Class of every group, shape ``[groups]``.
+        number: How many bodies each has, shape ``[groups]``.
+        area: Their mean areas [m²], shape ``[groups]``.
+        radius: Radii of the ground that they keep for themselves [m], shape ``[groups]``.
+    """
+
+    class_index: np.ndarray
+    number: np.ndarray
+    area: np.ndarray
+    radius: np.ndarray
+
+    @classmethod
+    def of_sizes(cls, problem: Problem) -> Bodies:
+        """Return the sizes of a problem as groups."""
+        rows = [
+            (c, s.count or 0, s.mean_area, ground_radius(one, s))
+            for c, one in enumerate(problem.classes)
+            for s in one.sizes
+        ]
+        class_index, number, area, radius = np.array(rows, np.float64).T
+        return cls(class_index.astype(int), number, area, radius)
+
+    @property
+    def alike(self) -> bool:
+        """Whether none is large beside another."""
+        return bool(self.area.max() < LARGE_FROM * self.area.min())
+
+
+class GroundOfLarge:
+    """What large bodies of a problem leave no ground for.
+
+    Args:
+        problem: Whose bodies they are.
+        bodies: Their groups.
+        densities: Images of the classes' densities; None for those of the problem.
+    """
+
+    def __init__(self, problem: Problem, bodies: Bodies, densities: Sequence[np.ndarray] | None = None) -> None:
+        self.bodies = bodies
+        self._apart = problem.balance.classes_apart
+        self._ground = problem.domain.area
+        self._density = _densities_where_two_are(problem, densities)
+        # Share of the ground that each covers, were it all over the domain.
+        self._cover = bodies.number * bodies.area / self._ground
+        self._is_of_class = np.eye(len(problem.classes))[bodies.class_index]
+
+    def pairs(self, small: np.ndarray, large: np.ndarray) -> Pairs:
+        """Return what small bodies miss beside large ones.
+
+        Args:
+            small: Groups of small bodies, indices.
+            large: Groups of bodies that may be large beside these, indices.
+        """
+        at, ground = self.bodies, math.pi * np.add.outer(self.bodies.radius[small], self.bodies.radius[large]) ** 2
+        mean_area = float(self._cover[small].sum()) * self._ground / max(float(at.number[small].sum()), 1.0)
+        ratio = np.maximum(at.area[large] / max(mean_area, 1e-300), 1e-300)
+        largeness = np.clip(np.log(ratio / LARGE_FROM) / math.log(LARGE / LARGE_FROM), 0.0, 1.0)
+        of_small, of_large = at.class_index[small], at.class_index[large]
+        largeness = np.broadcast_to(largeness, ground.shape)
+        if self._apart is not None:
+            largeness = largeness * self._apart[np.ix_(of_small, of_large)]
+        # Densities where both are, of every class.
+        local = self._density[np.ix_(of_small, of_large)]
+        of_all = np.einsum("slc,c->sl", local, self._cover[small] @ self._is_of_class[small])
+        weight = at.number[large] * ground * largeness * of_all * self._cover[small][:, None]
+        times = ground / np.maximum(at.area[large], 1e-300)
+        return Pairs(local * times[:, :, None], self._cover[:, None] * self._is_of_class, weight, largeness, mean_area)
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """What groups of small bodies miss where large ones are, for all pairs of such groups.
+
+    Attributes:
+        density: How dense every class would be on the ground of a large body, over its mean, times this ground over the area of the
+            body, shape ``[small, large, classes]``.
+        cover: Share of the domain that every group covers, in the column of its class, shape ``[groups, classes]``.
+        weight: How much each pair counts: by how many small bodies find no ground there, shape ``[small, large]``.
+        largeness: 0 where large ones are not much larger, 1 where they are, shape ``[small, large]``.
+        mean_area: Of the small ones [m²].
+    """
+
+    density: np.ndarray
+    cover: np.ndarray
+    weight: np.ndarray
+    largeness: np.ndarray
+    mean_area: float
+
+    def mean(self, values: np.ndarray) -> float:
+        """Return the mean over pairs of values that broadcast to ``[small, large]``."""
+        return float((np.broadcast_to(values, self.weight.shape) * self.weight).sum() / self.weight.sum())
+
+    def missed(self, factors: np.ndarray, groups: np.ndarray) -> float:
+        """Return the force on small bodies of who would be where a large body is, over that of its charge with a factor of 1.
+
+        Args:
+            factors: Between small bodies and groups, shape ``[small, their number]``.
+            groups: Those that are missed, indices.
+        """
+        return self.mean(np.einsum("slc,sc->sl", self.density, factors @ self.cover[groups]))
 
 
 def most_alone(problem: Problem, densities: Sequence[np.ndarray] | None = None) -> np.ndarray:
@@ -47,34 +161,72 @@ def most_alone(problem: Problem, densities: Sequence[np.ndarray] | None = None) 
     alpha, result = problem.balance.class_separation, np.full(len(problem.classes), math.inf)
     if not problem.avoid_overlap or len(problem.classes) < 2 or alpha in {0.0, 1.0}:
         return result
-    of = np.array([c for c, one in enumerate(problem.classes) for _ in one.sizes])
-    number, area, radius = np.array(
-        [(s.count or 0, s.mean_area, ground_radius(one, s)) for one in problem.classes for s in one.sizes], np.float64
-    ).T
-    if area.max() < LARGE_FROM * area.min():
+    bodies = Bodies.of_sizes(problem)
+    if bodies.alike:
         return result
-    apart = problem.balance.classes_apart
-    together = _density_where_others_are(problem, densities)
-    for small in range(len(problem.classes)):
-        own = of == small
-        bodies = max(float(number[own].sum()), 1.0)
-        mean_area, mean_radius = (float((number[own] * values[own]).sum()) / bodies for values in (area, radius))
-        ratio = np.maximum(area / max(mean_area, 1e-300), 1e-300)
-        largeness = np.clip(np.log(ratio / LARGE_FROM) / math.log(LARGE / LARGE_FROM), 0.0, 1.0)
-        largeness[own] = 0.0
-        if apart is not None:
-            largeness *= apart[small][of]
-        # How many small ones each large one leaves no ground for; and how strongly it pushes then, over how strongly these do each
-        # other.
-        displaced = bodies / problem.domain.area * together[small][of] * math.pi * (mean_radius + radius) ** 2
-        push = displaced * mean_area / np.maximum(area, 1e-300)
-        weight = number * displaced * largeness
-        if not weight.sum() > 0.0:
+    ground = GroundOfLarge(problem, bodies, densities)
+    for of_class in range(len(problem.classes)):
+        own = bodies.class_index == of_class
+        pairs = ground.pairs(np.flatnonzero(own), np.flatnonzero(~own))
+        if not pairs.weight.sum() > 0.0:
             continue
-        push, large = float(np.average(push, weights=weight)), float(np.average(largeness, weights=weight))
-        push = math.exp(STEP * round(math.log(push) / STEP))
-        result[small] = max((1.0 / push - 1.0) * alpha / (1.0 - alpha), LEAST_ALONE) / large**3
+        of_own, of_others = (pairs.missed(np.ones((own.sum(), one.sum())), np.flatnonzero(one)) for one in (own, ~own))
+        push = in_steps(IN_ROWS * max(1.0 - of_others, LEAST_ALONE) / of_own)
+        result[of_class] = max((push - 1.0) * alpha / (1.0 - alpha), LEAST_ALONE) / pairs.mean(pairs.largeness) ** 3
     return result
+
+
+def in_steps(factor: float) -> float:
+    """Round a factor, above 0, so that a stroke of a brush does not change it."""
+    return math.exp(STEP * round(math.log(factor) / STEP))
+
+
+def spread_among_large(
+    problem: Problem,
+    bodies: Bodies,
+    matrix: np.ndarray,
+    between: np.ndarray,
+    densities: Sequence[np.ndarray] | None = None,
+) -> np.ndarray:
+    """Return factors with which large bodies push small ones by no more than as many as they leave no ground for.
+
+    A large body counts for all of its charge, and that is what would be on a far larger ground: sizes of one class would leave moats
+    around it, and crowd on what is left. What all smaller ones do to each other is raised until the force is that of those who miss
+    there. What is added is positive semidefinite.
+
+    Args:
+        problem: Whose bodies they are.
+        bodies: Their groups.
+        matrix: Interaction factors of the groups, shape ``[groups, groups]``.
+        between: Those of their classes alone.
+        densities: Images of the classes' densities; None for those of the problem.
+    """
+    power = min(problem.balance.rare_emphasis, 1.0)
+    if not problem.avoid_overlap or bodies.alike or power == 0.0:
+        return matrix
+    ground = GroundOfLarge(problem, bodies, densities)
+    added = between * np.minimum.outer(bodies.area, bodies.area) / np.maximum.outer(bodies.area, bodies.area)
+    order = np.argsort(bodies.area, kind="stable")
+    for last in range(len(order) - 1, 0, -1):
+        small, large = order[:last], order[last:]
+        if bodies.area[small[-1]] * LEAST_RATIO > bodies.area[large[0]]:
+            continue
+        pairs = ground.pairs(small, large)
+        if not pairs.weight.sum() > 0.0:
+            continue
+        push, among = pairs.mean(matrix[np.ix_(small, large)]), np.ix_(small, small)
+        of_large = pairs.missed(matrix[np.ix_(small, large)], large)
+        own, of_added = pairs.missed(matrix[among], small), pairs.missed(added[among], small)
+        largest = pairs.mean(bodies.area[large]) / (TIMES_AS_LARGE * pairs.mean_area)
+        times = min(IN_ROWS * (push - of_large) / own, largest)
+        if times <= 1.0:
+            continue
+        times = in_steps(times) ** power
+        raised = np.zeros(len(order), bool)
+        raised[small] = True
+        share = pairs.mean(pairs.largeness) * (times - 1.0) * own / of_added
+        matrix = matrix + share * added * np.outer(raised, raised)
+    return matrix
 
 
 def ground_radius(body_class: PreparedClass, size: Size) -> float:
@@ -82,10 +234,11 @@ def ground_radius(body_class: PreparedClass, size: Size) -> float:
     return float(disc_radius(size.mean_area)) * size.room * body_class.room + 0.5 * (size.gap + body_class.gap)
 
 
-def _density_where_others_are(problem: Problem, densities: Sequence[np.ndarray] | None) -> np.ndarray:
-    """Return how dense each class is asked to be where the bodies of each other are, over its mean, shape ``[classes, classes]``.
+def _densities_where_two_are(problem: Problem, densities: Sequence[np.ndarray] | None) -> np.ndarray:
+    """Return how dense each class is asked to be where bodies of two are, over its mean, shape ``[classes, classes, classes]``.
 
-    It is the mean over those of its bodies that are there: an erased spot changes nothing around others.
+    The first two are those that meet. It is the mean over those of the first that are there: an erased spot changes nothing around
+    others.
     """
     if isinstance(problem.domain, Surface):
         points = problem.domain.sample(POINTS)
@@ -97,6 +250,9 @@ def _density_where_others_are(problem: Problem, densities: Sequence[np.ndarray] 
         known = {id(one): np.ones(1) if one.size == 1 else in_cells(one, cells).ravel() for one in images}
         found = [known[id(one)] for one in images]
     share = np.stack(np.broadcast_arrays(*[one / max(float(one.mean()), 1e-300) for one in found]))
-    together = share @ share.T
-    result: np.ndarray = np.divide(share**2 @ share.T, together, out=np.zeros_like(together), where=together > 0.0)
+    result = np.zeros((len(share), len(share), len(share)))
+    for first, density in enumerate(share):
+        both = density * share
+        total = both.sum(axis=1, keepdims=True)
+        np.divide(both @ share.T, total, out=result[first], where=total > 0.0)
     return result

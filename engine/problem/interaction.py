@@ -20,7 +20,8 @@ from functools import cached_property
 
 import numpy as np
 
-from .ground_of_large import most_alone
+from .body_kind import disc_radius
+from .ground_of_large import LEAST_RATIO, Bodies, ground_radius, most_alone, spread_among_large
 from .of_bodies import of_all
 from .prepared_class import PreparedClass
 from .problem import Problem
@@ -38,8 +39,8 @@ FEWEST_LEVELS = 4
 # Small bodies gather where at least so many come to each large one that they share gaps, and they are asked to fill less than a share
 # of the ground. Measured with 60 large squares: else their nearest neighbors are about as far as those of random points.
 GATHERING = ((2.0, 0.1), (1.0, 0.005))
-# Groups whose mean areas differ by less are not told apart; and where no two areas differ by more than that, none gather.
-LEAST_RATIO, LEAST_SPAN = 2.0, 16.0
+# Where no two areas differ by more than that, none gather.
+LEAST_SPAN = 16.0
 # Share of the ground that they fill then. More brings them close to the large ones, which have to turn for them; these are as even
 # with 0.8 as with 0.5 and without. And the largest factor for that, as large as an emphasis may be.
 FILLED, LARGEST_FACTOR = 0.5, 1e6
@@ -107,6 +108,7 @@ def group_bodies(
     groups: list[np.ndarray] = []
     class_index: list[int] = []
     emphasis: list[float] = []
+    size_of_group: list[Size] = []
     for c, body_class in enumerate(problem.classes):
         of_size = _size_emphases(problem, body_class)
         for size, size_emphasis in zip(body_class.sizes, of_size, strict=True):
@@ -119,6 +121,7 @@ def group_bodies(
             groups.append(np.broadcast_to(np.int32(len(emphasis)) + level, size.count or 0))
             emphasis.extend(level_emphasis.tolist())
             class_index.extend([c] * len(level_emphasis))
+            size_of_group.extend([size] * len(level_emphasis))
     body_group = of_all(np.int32(0), len(area)) if len(emphasis) == 1 else np.concatenate(groups)
     e = np.array(emphasis)
     # Only ratios count: the least emphasis of every class is 1, as in the paper's tables.
@@ -131,13 +134,28 @@ def group_bodies(
     areas = [max(size.mean_area for size in c.sizes) for c in problem.classes]
     between = problem.balance.class_factors(counts, areas, most_alone(whole, densities))[np.ix_(index, index)]
     matrix = between * np.minimum(e[:, None], e[None, :])
-    spans = [one for c in problem.classes for size in c.sizes for one in size.area_span]
-    if len(e) > 1 and min(spans) * LEAST_SPAN <= max(spans):
+    if len(e) > 1:
         # Samples count for as many as they stand for.
         stand_for = np.divide(counts, [max(c.body_count, 1) for c in problem.classes])[index]
         number, charge = (np.bincount(body_group, weights, len(e)) * stand_for for weights in (None, area))
-        matrix = _spread_small(matrix, between, number, charge)
+        groups_of_bodies = Bodies(index, number, *_means(problem, number, charge, class_index, size_of_group))
+        matrix = spread_among_large(whole, groups_of_bodies, matrix, between, densities)
+        spans = [one for c in problem.classes for size in c.sizes for one in size.area_span]
+        if min(spans) * LEAST_SPAN <= max(spans):
+            matrix = _spread_small(matrix, between, number, charge)
     return Groups(body_group, index, matrix)
+
+
+def _means(
+    problem: Problem, number: np.ndarray, charge: np.ndarray, class_index: Sequence[int], sizes: Sequence[Size]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean areas of the bodies of groups [m²], and radii of the ground that these keep for themselves [m]."""
+    area = charge / np.maximum(number, 1.0)
+    radius = [
+        float(disc_radius(one) / disc_radius(size.mean_area)) * ground_radius(problem.classes[c], size)
+        for one, size, c in zip(area, sizes, class_index, strict=True)
+    ]
+    return area, np.array(radius)
 
 
 def _spread_small(matrix: np.ndarray, between: np.ndarray, number: np.ndarray, charge: np.ndarray) -> np.ndarray:
