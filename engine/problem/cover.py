@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -19,10 +20,12 @@ from .packing import elongation_of, in_cells, packable, share_inside
 from .problem import Problem
 from .surface import Surface
 
-__all__ = ["Cover", "Room", "cover_of", "cover_of_images", "ground_on_surface"]
+__all__ = ["Cover", "Room", "cover_of", "cover_of_images", "ground_on_surface", "share_of_ground"]
 
 # Cells along the longer side of the domain in which what is asked for is compared with what fits; fewer where bodies are large.
 CELLS = 128
+# And those along either side in which the ground of several densities is looked at.
+GROUND_CELLS = 256
 # What is asked for beyond what fits in a region counts from this share of it on: bodies can move a little to where there is room.
 CROWDED = 1.15
 # Bodies that a region has at least: fewer are no region.
@@ -34,6 +37,10 @@ PIXELS = 512
 PRESSED = 0.1
 # What fits is known about: a count that was rounded up to a whole body is not too much.
 ABOUT = 1.01
+# Where fewer are crowded than this share of the bodies, nothing is said of it.
+LEAST_CROWDED = 0.01
+# What of the bodies is counted.
+FOOTPRINTS = "footprints"
 
 
 @dataclass(frozen=True)
@@ -46,12 +53,16 @@ class Cover:
             whether they may turn or are parallel.
         crowded: Share of the bodies that are asked for at places where more is asked for than fits; 0 if there are none.
         pressed: Share of the ground that the densest tenth of the bodies are asked to take where they are; ``covered`` on surfaces.
+        densest: Share of the ground that those are asked to take that are ``crowded``; 0 if there are none.
+        counted: What is counted, in the words of a sentence: footprints, and the room around them if they keep any.
     """
 
     covered: float
     fits: float
     crowded: float
     pressed: float = 0.0
+    densest: float = 0.0
+    counted: str = FOOTPRINTS
 
     @property
     def too_much(self) -> bool:
@@ -61,19 +72,22 @@ class Cover:
     @property
     def warning(self) -> Note | None:
         """A sentence if the footprints cannot fit, or do not fit everywhere; None if they may fit."""
+        fits = f"about {self.fits:.0%}"
         if self.too_much:
+            share = f"{self.counted} would cover {self.covered:.0%} of the space where they may be"
+            return Note(f"{share}, but at most {fits} fits; lower the counts or the areas", NoteKind.COVER)
+        if self.crowded > LEAST_CROWDED:
             return Note(
-                f"the footprints cover {self.covered:.0%} of where they may be: at most about {self.fits:.0%} fits; "
-                "lower the counts or the areas",
-                NoteKind.COVER,
-            )
-        if self.crowded > 0.01:
-            return Note(
-                f"the footprints cover {self.covered:.0%} of where they may be, but {self.crowded:.0%} of them are asked for where "
-                f"that is more than the {self.fits:.0%} that fits: it is too crowded there; even the density out",
+                f"at the densest places, {self.counted} would cover {self.densest:.0%} of the ground, but only {fits} fits: the "
+                f"{self.crowded:.0%} of the bodies that belong there spread out, and the density is evened out there; lower the counts "
+                "or the areas, or use a density with less contrast",
                 NoteKind.COVER,
             )
         return None
+
+
+# A run and its report ask for it several times.
+_known: WeakKeyDictionary[Problem, Cover] = WeakKeyDictionary()
 
 
 def cover_of(problem: Problem) -> Cover:
@@ -82,6 +96,12 @@ def cover_of(problem: Problem) -> Cover:
     Lines count with the lengths and widths that are asked of them.
     """
     check_is(problem, Problem, "`problem`")
+    if problem not in _known:
+        _known[problem] = _cover_of(problem)
+    return _known[problem]
+
+
+def _cover_of(problem: Problem) -> Cover:
     footprints = footprints_of(problem)
     area = _areas(problem, footprints)
     fits = _fits(footprints, area, agreement_of(problem, footprints, area))
@@ -91,7 +111,7 @@ def cover_of(problem: Problem) -> Cover:
         # Where on a surface it is crowded, only the run tells.
         share, loose = ground_on_surface(problem, problem.domain, 0.5 * float(disc_radius(float(area.mean()))))
         covered = float((_apart(problem) @ of_class).max()) / max(share * problem.domain.area, 1e-300)
-        return Cover(covered, fits * loose / max(share, 1e-300), 0.0, covered)
+        return Cover(covered, fits * loose / max(share, 1e-300), 0.0, covered, counted=_counted(problem))
     fits *= share_inside(problem.domain, float(area.mean())) * _share_beside_obstacles(
         problem, problem.domain, float(area.mean())
     )
@@ -131,13 +151,31 @@ def cover_of_images(problem: Problem, images: Sequence[np.ndarray], of_class: np
     cell = domain.area / (shape[0] * shape[1])
     of_cells = [total * share / share.sum() for total, share in zip(of_class, shares, strict=True)]
     asked = np.max(np.tensordot(apart, np.stack(of_cells), axes=1), axis=0)
-    covered = float((apart @ of_class).max()) / max(float(free.sum()) * cell, 1e-300)
-    too_much = asked > CROWDED * fits * np.maximum(free, 1e-12) * cell
+    covered = float((apart @ of_class).max()) / max(share_of_ground(images) * domain.area, 1e-300)
+    ground = np.maximum(free, 1e-12) * cell
+    too_much = asked > CROWDED * fits * ground
     crowded = float(asked[too_much].sum() / asked.sum())
-    local = (asked / (np.maximum(free, 1e-12) * cell)).ravel()
+    densest = float(asked[too_much].sum() / ground[too_much].sum()) if too_much.any() else 0.0
+    local = (asked / ground).ravel()
     densest_first = np.argsort(-local, kind="stable")
     place = np.searchsorted(np.cumsum(asked.ravel()[densest_first]), PRESSED * asked.sum())
-    return Cover(covered, fits, crowded, float(local[densest_first[min(int(place), local.size - 1)]]))
+    pressed = float(local[densest_first[min(int(place), local.size - 1)]])
+    return Cover(covered, fits, crowded, pressed, densest, _counted(problem))
+
+
+def share_of_ground(images: Sequence[np.ndarray]) -> float:
+    """Return the share of a rectangle where any class may be, that is, where one of these densities is above zero."""
+    # Of a single image it is exact, whatever the cells are.
+    found = list(_distinct(images).values())
+    longest = max(max(image.shape) for image in found)
+    return float(_where_any(found, (1, 1) if len(found) == 1 else (min(longest, GROUND_CELLS),) * 2).mean())
+
+
+def _counted(problem: Problem) -> str:
+    """Return what of the bodies counts where what they would cover is compared with what fits."""
+    of_sizes = [(c.gap, c.room) for c in problem.classes] + [(s.gap, s.room) for c in problem.classes for s in c.sizes]
+    counted = FOOTPRINTS + (" that keep apart" if problem.balance.classes_apart is not None else "")
+    return counted + (f" and the room around them" if any(gap > 0.0 or room != 1.0 for gap, room in of_sizes) else "")
 
 
 def _apart(problem: Problem) -> np.ndarray:

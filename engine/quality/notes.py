@@ -27,22 +27,28 @@ MANY, DEEP = 0.05, 0.1
 
 
 def notes_on_overlaps(placement: Placement, overlaps: Overlaps, covered: float) -> list[str]:
-    """Say what overlaps, why, and what helps; ``covered`` is the share of the ground that footprints have come to take."""
-    if not overlaps.count:
-        return []
+    """Say what overlaps or was parted where it is too dense, why, and what helps.
+
+    Args:
+        placement: What was placed.
+        overlaps: What of it overlaps.
+        covered: Share of the ground that footprints have come to take.
+    """
     problem = placement.problem
+    cover = cover_of(problem) if problem.avoid_overlap else None
+    if not overlaps.count:
+        # What shrank, as lines do in a crowd, or lies beyond the border may have fitted after all. Places that are too dense are
+        # evened out all the same.
+        return [] if cover is None or cover.warning is None or cover.too_much else [cover.warning]
     notes: list[str] = []
-    warning = None
-    if problem.avoid_overlap:
+    if cover is not None:
         pairs = _pairs(overlaps.count, "still overlap")
         notes.append(Note(f"{pairs}, the deepest by {overlaps.deepest:.3g} m", NoteKind.OVERLAPS))
-        warning = cover_of(problem).warning
-    if warning is not None:
-        notes.append(warning)
-    # What shrank, as lines do in a crowd, or lies beyond the border may have fitted for all that.
+    if cover is not None and cover.warning is not None:
+        notes.append(cover.warning)
     elif (no_room := note_on_fit(problem, covered)) is not None:
         notes.append(no_room)
-    elif not problem.avoid_overlap and _is_unwanted(placement, overlaps):
+    elif cover is None and _is_unwanted(placement, overlaps):
         pairs = f"{_pairs(overlaps.count, 'overlap')}, the deepest by {overlaps.deepest:.3g} m"
         notes.append(Note(f"{pairs}: {ONLY_IF}", NoteKind.MAY_OVERLAP))
     return notes

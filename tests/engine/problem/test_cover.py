@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from esh.engine.errors import ProblemError
+from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.cover import Room, cover_of
 from esh.engine.problem.domain import Domain
@@ -51,8 +52,23 @@ def test_the_cover_counts_the_ground_where_bodies_may_be():
 def test_what_cannot_fit_is_said_in_per_cent():
     cover = cover_of(problem_of(Footprint.disc(1.0), 170))
     assert cover.warning is not None
-    assert "the footprints cover 134% of where they may be: at most about 82% fits" in cover.warning
+    space = "footprints would cover 134% of the space where they may be"
+    assert cover.warning == f"{space}, but at most about 82% fits; lower the counts or the areas"
     assert cover_of(problem_of(Footprint.disc(1.0), 100)).warning is None
+
+
+@pytest.mark.parametrize(
+    ("settings", "more", "counted"),
+    [
+        ({"gap": 0.2}, {}, "footprints and the room around them would"),
+        ({"room": 1.2}, {}, "footprints and the room around them would"),
+        ({}, {"balance": Balance(non_overlap=np.eye(2))}, "footprints that keep apart would"),
+    ],
+)
+def test_it_is_said_what_of_bodies_is_counted(settings, more, counted):
+    size = Size("s", count=170, footprint=Footprint.disc(1.0))
+    classes = [BodyClass(name, [size], **settings) for name in "ab"]
+    assert cover_of(Problem(Domain((20.0, 20.0)), classes, avoid_overlap=True, **more)).warning.startswith(counted)
 
 
 def test_bodies_that_may_not_turn_fit_less_than_those_that_may():
@@ -83,7 +99,14 @@ def test_a_crowded_region_is_told_from_too_little_space():
     cover = cover_of(problem_of(Footprint.disc(0.2), 1000, peak))
     assert cover.covered < 0.4
     assert cover.crowded == pytest.approx(64 * 3.0 / (64 * 3.0 + 960 * 0.1), abs=0.05)
-    assert "too crowded there" in cover.warning
+    # Cells lie across its border.
+    at_the_peak = 3.0 * 1024 / (64 * 3.0 + 960 * 0.1) * 1000 * np.pi * 0.04 / 400.0
+    assert 0.7 * at_the_peak < cover.densest < at_the_peak
+    assert cover.warning == (
+        f"at the densest places, footprints would cover {cover.densest:.0%} of the ground, but only about 82% fits: the "
+        f"{cover.crowded:.0%} of the bodies that belong there spread out, and the density is evened out there; lower the counts or the "
+        "areas, or use a density with less contrast"
+    )
     # On a gentle slope there is room enough beside.
     assert cover_of(problem_of(Footprint.disc(0.2), 1000, np.linspace(0.5, 1.5, 64)[None, :])).warning is None
 

@@ -9,6 +9,7 @@ from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass, Unsharp
+from esh.engine.problem.cover import cover_of
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.footprint import Footprint
 from esh.engine.problem.line import Line
@@ -64,6 +65,19 @@ def test_a_printed_report_begins_with_what_cannot_fit(avoided):
     (note,) = [note for note in report.notes if "125% of " in note]
     assert str(report).splitlines()[0] == note and str(report).count(note) == 1
     assert all(other in str(report).splitlines()[3:] for other in report.notes if other != note)
+
+
+@pytest.mark.parametrize("steps", [1, 60])
+def test_that_the_densest_places_are_evened_out_is_said_once_whether_or_not_all_were_parted(steps):
+    peak = np.full((32, 32), 0.1)
+    peak[12:20, 12:20] = 1.0
+    discs = BodyClass("disc", [Size("one", 0.2, 5000)], peak)
+    problem = Problem(SQUARE, [discs], avoid_overlap=True)
+    report = solve(problem, device="cpu", max_steps=steps).report
+    assert report.overlaps == 0
+    warning = cover_of(problem).warning
+    assert report.notes == (warning,) and "the density is evened out there" in warning
+    assert str(report).splitlines()[0] == warning and str(report).count(warning) == 1
 
 
 def test_a_few_that_touch_are_not_told_of():
