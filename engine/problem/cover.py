@@ -79,8 +79,8 @@ class Cover:
         if self.crowded > LEAST_CROWDED:
             return Note(
                 f"at the densest places, {self.counted} would cover {self.densest:.0%} of the ground, but only {fits} fits: the "
-                f"{self.crowded:.0%} of the bodies that belong there spread out, and the density is evened out there; lower the counts "
-                "or the areas, or use a density with less contrast",
+                f"{self.crowded:.0%} of the bodies that belong there spread out, and the density is evened out there; lower the "
+                "counts or the areas, or use a density with less contrast",
                 NoteKind.COVER,
             )
         return None
@@ -175,7 +175,7 @@ def _counted(problem: Problem) -> str:
     """Return what of the bodies counts where what they would cover is compared with what fits."""
     of_sizes = [(c.gap, c.room) for c in problem.classes] + [(s.gap, s.room) for c in problem.classes for s in c.sizes]
     counted = FOOTPRINTS + (" that keep apart" if problem.balance.classes_apart is not None else "")
-    return counted + (f" and the room around them" if any(gap > 0.0 or room != 1.0 for gap, room in of_sizes) else "")
+    return counted + (" and the room around them" if any(gap > 0.0 or room != 1.0 for gap, room in of_sizes) else "")
 
 
 def _apart(problem: Problem) -> np.ndarray:

@@ -87,7 +87,8 @@ class Report:
         overlaps: Number of pairs of bodies whose outlines (discs of their area where they were given none) overlap by more than 1e-3
             of the narrower one's width; at least so many, where a body overlaps more than 200 others. Pairs of fixed bodies and of
             classes that may overlap do not count, nor does what a ``room`` below 1 allows.
-        covered: Sum of the footprints over the area where bodies may be (density above zero).
+        covered: Sum of the footprints over the area where bodies may be (density above zero): of the outlines and lines that came to
+            be, without the ``gap`` or ``room`` that they keep. What a note compares with what fits counts these, and what was asked.
         classes: One entry per class.
         deepest_overlap: How deep the deepest overlap is [m]: the shortest way that parts the two; 0 where nothing overlaps.
         deepest_pair: The two bodies, None where nothing overlaps.

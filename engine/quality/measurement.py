@@ -12,18 +12,19 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..heat.heat_mesh import HeatMeshes
 from ..problem.body_footprints import DISC, BodyFootprints
+from ..problem.cover import share_of_ground
 from ..problem.notes_on_settings import notes_on_settings
-from ..problem.of_bodies import is_same, one_by_one
+from ..problem.of_bodies import is_same
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
 from ..problem.prepared_class import PreparedClass
 from ..problem.report import ClassReport, Report, SizeReport
 from ..problem.surface import Surface
-from ..space.asked_counts import share_in_use
 from ..space.support import images_for_kernels
 from . import kernels_spacing
 from .coverage import Coverage
 from .errors_of_few import ErrorsExplained, explain_errors
+from .footprint_areas import footprint_areas
 from .measured_bodies import MeasuredBodies, measured_bodies
 from .notes import (
     notes_on_distant_outlines,
@@ -66,13 +67,9 @@ def measure(placement: Placement, launcher: Launcher, heat: HeatMeshes | None = 
     axes = (placement.angle, placement.length) if has_lines else ()
     bodies = measured_bodies(launcher, domain, placement.position, *axes)
     errors, whole, explained = _coverage_errors(placement, bodies, area)
-    # Of what leans with the ground, as it is seen from above; outlines may be scaled and have another area than their bodies.
     footprints = footprints_of_placement(placement)
-    seen = one_by_one(np.multiply, area, footprints.seen)
-    if footprints.has_outlines:
-        outlined = footprints.areas(placement.length, placement.width, apart=False)
-        seen = np.where(footprints.is_outline, outlined, seen)
-    covered = float(seen.sum() / (domain.area * share_in_use(problem)))
+    ground = domain.area * share_of_ground([c.density_image for c in problem.classes])
+    covered = float(footprint_areas(placement, footprints, area).sum() / ground)
     spacing = measure_spacing(bodies, _number_density(bodies, problem.classes))
     overlaps = _overlaps(placement, launcher, footprints, bodies, spacing)
     notes = notes_on_settings(problem) + explained.notes

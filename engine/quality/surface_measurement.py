@@ -15,9 +15,11 @@ from ..heat.heat_mesh import HeatMeshes
 from ..problem.cover import ground_on_surface
 from ..problem.of_bodies import of_all
 from ..problem.placement import Placement
+from ..problem.placement_footprints import footprints_of_placement
 from ..problem.surface import PointsOnSurface, Surface
 from . import kernels_surface_spacing
 from .bodies_on_surface import BodiesOnSurface, bodies_on_surface
+from .footprint_areas import footprint_areas
 from .overlaps import Overlaps, find_overlaps_on_surface
 from .sheets import sheets_of
 from .spacing import HEXAGONAL_SPACING
@@ -70,7 +72,8 @@ def measure_on_surface(placement: Placement, launcher: Launcher, meshes: HeatMes
     bodies, area = bodies_on_surface(placement, launcher), placement.area
     errors, whole, excess = _coverage_errors(placement, bodies, meshes or HeatMeshes(launcher, surface), launcher)
     share, _ = ground_on_surface(problem, surface, 0.0)
-    covered = float(area.sum() / (surface.area * max(share, 1e-9)))
+    footprints = footprint_areas(placement, footprints_of_placement(placement), area)
+    covered = float(footprints.sum() / (surface.area * max(share, 1e-9)))
     smallest, closest, usual = _spacing(placement, bodies, launcher) or (None, None, None)
     overlaps = find_overlaps_on_surface(placement, bodies, launcher)
     return SurfaceFigures(errors, whole, smallest, closest, usual, overlaps, covered, excess)

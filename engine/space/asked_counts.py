@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -12,41 +11,25 @@ from ..problem.problem import Problem
 from .density import box_integrals
 from .part import Part, part_of
 
-__all__ = ["share_in_use", "typical_spacing"]
+__all__ = ["typical_spacing"]
 
-# Cells along the longer side on which the typical spacing and the space that bodies may use are measured.
+# Cells along the longer side on which the typical spacing is measured.
 CELLS = 256
 
 
-class _Asked(NamedTuple):
-    """What whoever solves a problem asks of it several times."""
-
-    spacing: float
-    share_in_use: float
-
-
-_known: WeakKeyDictionary[Problem, _Asked] = WeakKeyDictionary()
+_known: WeakKeyDictionary[Problem, float] = WeakKeyDictionary()
 
 
 def typical_spacing(problem: Problem) -> float:
     """Spacing [m] of charges at the number density that the average body sees."""
-    return _asked(problem).spacing
-
-
-def share_in_use(problem: Problem) -> float:
-    """Share of the domain in which any body is asked for."""
-    return _asked(problem).share_in_use
-
-
-def _asked(problem: Problem) -> _Asked:
+    # Whoever solves a problem asks for it several times.
     if problem not in _known:
         part = part_of(c.density_image for c in problem.classes)
         number = _counts_in_cells(problem, part)
         used = 1.0 if part is None else part.share
         cell_area = problem.domain.area * used / number.size
         spacing = math.sqrt(cell_area * number.sum() / (number**2).sum())
-        spacing *= math.sqrt(problem.body_count / problem.charge_count)
-        _known[problem] = _Asked(spacing, float(np.mean(number > 0.0)) * used)
+        _known[problem] = spacing * math.sqrt(problem.body_count / problem.charge_count)
     return _known[problem]
 
 

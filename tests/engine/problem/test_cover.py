@@ -104,8 +104,8 @@ def test_a_crowded_region_is_told_from_too_little_space():
     assert 0.7 * at_the_peak < cover.densest < at_the_peak
     assert cover.warning == (
         f"at the densest places, footprints would cover {cover.densest:.0%} of the ground, but only about 82% fits: the "
-        f"{cover.crowded:.0%} of the bodies that belong there spread out, and the density is evened out there; lower the counts or the "
-        "areas, or use a density with less contrast"
+        f"{cover.crowded:.0%} of the bodies that belong there spread out, and the density is evened out there; lower the counts or "
+        "the areas, or use a density with less contrast"
     )
     # On a gentle slope there is room enough beside.
     assert cover_of(problem_of(Footprint.disc(0.2), 1000, np.linspace(0.5, 1.5, 64)[None, :])).warning is None

@@ -9,12 +9,15 @@ import warp as wp
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.cover import cover_of
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.footprint import Footprint
 from esh.engine.problem.footprints import Footprints
+from esh.engine.problem.line import Line
 from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
+from esh.engine.problem.surface import Surface, SurfaceMesh
 from esh.engine.quality import measurement
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.quality.measured_bodies import measured_bodies
@@ -231,6 +234,31 @@ def test_the_ground_that_is_covered_is_that_of_the_outlines_as_they_are_scaled()
     disc = BodyClass("disc", [Size("any", area=0.2, count=30)])
     report = solve(Problem(Domain((20.0, 10.0)), [box, disc]), device="cpu", max_steps=1).report
     assert report.covered == pytest.approx((0.6 * (scale**2).sum() + 30 * 0.2) / 200.0)
+
+
+def around_the_middle(shape, radius=0.4):
+    y, x = np.mgrid[0 : shape[0], 0 : shape[1]]
+    return np.hypot((x + 0.5) / shape[1] - 0.5, (y + 0.5) / shape[0] - 0.5) < radius
+
+
+@pytest.mark.parametrize("case", ["one island", "two islands", "lines", "outlines on a surface"])
+def test_the_ground_that_is_covered_is_what_it_was_before_the_run(case):
+    """The report and the sentence on what fits give the same figure of the same bodies."""
+    square, size = Domain((20.0, 20.0)), [Size("s", 1.0, 60)]
+    flat = [[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [20.0, 20.0, 0.0], [0.0, 20.0, 0.0]]
+    line = Line(2.0, 0.3, width=0.3, stretch_weights=(0.0, 0.1))
+    island, two_islands = around_the_middle((100, 100)), [around_the_middle((100, 100)), np.eye(77)]
+    box = Size("s", 2.0, 60, footprint=Footprint.rectangle(1.0, 0.5))
+    problem = {
+        "one island": lambda: Problem(square, [BodyClass("a", size, island)]),
+        "two islands": lambda: Problem(square, [BodyClass(str(k), size, image) for k, image in enumerate(two_islands)]),
+        "lines": lambda: Problem(square, [BodyClass("a", [Size("s", 0.6, 60, line=line)])]),
+        "outlines on a surface": lambda: Problem(
+            Surface([SurfaceMesh(flat, [[0, 1, 2], [0, 2, 3]])]), [BodyClass("a", [box])]
+        ),
+    }[case]()
+    report = solve(problem, device="cpu", max_steps=60).report
+    assert report.covered == pytest.approx(cover_of(problem).covered, rel=1e-3)
 
 
 def sixfold_order(position, period=None):
