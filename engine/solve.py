@@ -99,13 +99,14 @@ def solve_on(
         watched = _Watched(progress)
         solver.choose_start(max_steps, None if progress is None else watched.at_times)
         solver.run(max_steps, None if progress is None else watched)
-        if watched.go_on():
+        stopped = not watched.go_on()
+        if not stopped:
             solver.separate(None if progress is None else watched.go_on)
         elif parting and problem.body_count <= MOST_PARTED_AFTER_STOP:
             deadline = time.perf_counter() + parting
             # What takes longer than this by itself, and stirs more bodies, is left out.
             solver.separate(lambda: time.perf_counter() < deadline, again=True)
-        return solver.last_placement()
+        return solver.last_placement(stopped=stopped)
 
 
 def moved(placement: Placement, position: np.ndarray, device: str = "auto") -> Placement:

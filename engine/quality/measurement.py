@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from enum import StrEnum
 from itertools import pairwise
 
 import numpy as np
@@ -32,15 +33,16 @@ from .notes import (
     notes_on_fixed_places,
     notes_on_overlaps,
     notes_on_places,
+    notes_on_what_is_not_parted,
 )
-from .out_of_place import out_of_place
+from .out_of_place import OutOfPlace, out_of_place
 from .overlaps import Overlaps, overlaps_of, overlaps_of_fixed, overlaps_of_fixed_on_surface
 from .spacing import Spacing, measure_spacing
 from .surface_measurement import measure_on_surface
 from .surface_out_of_place import out_of_place_on_surface
 from .taken_ground import taken_ground
 
-__all__ = ["measure"]
+__all__ = ["Parting", "measure"]
 
 # Distances are known in single precision: what is so many times as large is larger.
 CLEARLY = 1.001
@@ -48,20 +50,33 @@ INWARDS = "a closed mesh looks inwards: bodies lie on its inner side; flip its n
 REPEATED = "faces of two meshes lie in one place: twice as many bodies stand there; leave one out if it is a copy"
 
 
-def measure(placement: Placement, launcher: Launcher, heat: HeatMeshes | None = None) -> Report:
+class Parting(StrEnum):
+    """Whether it was tried to part bodies that are to keep apart."""
+
+    DONE = "done"
+    # Nobody has asked for it yet.
+    TO_COME = "to come"
+    # Whoever ran a problem has stopped before.
+    STOPPED = "stopped"
+
+
+def measure(
+    placement: Placement, launcher: Launcher, heat: HeatMeshes | None = None, parting: Parting = Parting.DONE
+) -> Report:
     """Measure a placement.
 
     Args:
         placement: What was placed; a report that it has is not looked at.
         launcher: Where to count neighbors.
         heat: Meshes of its surface that heat spreads on, if known.
+        parting: Whether it was tried to part its bodies, so that notes say what helps.
 
     Returns:
         The report of a run without steps; whoever ran them adds steps, seconds and whether they converged.
     """
     problem, domain = placement.problem, placement.problem.domain
     if isinstance(domain, Surface):
-        return _report_on_surface(placement, launcher, heat)
+        return _report_on_surface(placement, launcher, heat, parting)
     area = problem.areas_as_outlined(problem.shared_areas(), placement.variant, placement.scale)
     has_lines = any(size.line is not None for c in problem.classes for size in c.sizes) and placement.width.any()
     axes = (placement.angle, placement.length) if has_lines else ()
@@ -73,8 +88,9 @@ def measure(placement: Placement, launcher: Launcher, heat: HeatMeshes | None = 
     spacing = measure_spacing(bodies, _number_density(bodies, problem.classes))
     overlaps = _overlaps(placement, launcher, footprints, bodies, spacing)
     notes = notes_on_settings(problem) + explained.notes
-    notes += notes_on_overlaps(placement, overlaps, covered)
-    notes += notes_on_places(problem, misplaced := out_of_place(placement, launcher, footprints))
+    notes += _notes_on_contact(
+        placement, overlaps, covered, misplaced := out_of_place(placement, launcher, footprints), parting
+    )
     of_fixed = Overlaps(0)
     if problem.avoid_overlap and np.count_nonzero(placement.fixed) > 1:
         of_fixed = overlaps_of_fixed(placement, launcher, footprints)
@@ -145,7 +161,19 @@ def _overlaps(
     return overlaps_of(placement, launcher, footprints, bodies.position)
 
 
-def _report_on_surface(placement: Placement, launcher: Launcher, heat: HeatMeshes | None) -> Report:
+def _notes_on_contact(
+    placement: Placement, overlaps: Overlaps, covered: float, misplaced: OutOfPlace, parting: Parting
+) -> list[str]:
+    """What is to be said of bodies that lie on each other or where they may not."""
+    parted = parting is Parting.DONE
+    notes = notes_on_overlaps(placement, overlaps, covered, parted)
+    notes += notes_on_places(placement.problem, misplaced, parted)
+    if not parted:
+        notes += notes_on_what_is_not_parted(placement.problem, overlaps, misplaced, parting is Parting.STOPPED)
+    return notes
+
+
+def _report_on_surface(placement: Placement, launcher: Launcher, heat: HeatMeshes | None, parting: Parting) -> Report:
     """What :func:`measure` returns, for a placement on a surface."""
     found = measure_on_surface(placement, launcher, heat)
     notes = notes_on_settings(placement.problem)
@@ -157,9 +185,9 @@ def _report_on_surface(placement: Placement, launcher: Launcher, heat: HeatMeshe
     explained = explain_errors(placement, placement.area, found.errors, found.whole, found.excess)
     notes += explained.notes
     overlaps = found.overlaps
-    notes += notes_on_overlaps(placement, overlaps, found.covered)
     misplaced = out_of_place_on_surface(placement, launcher)
-    notes += notes_on_places(placement.problem, misplaced) + notes_on_distant_outlines(placement.problem)
+    notes += _notes_on_contact(placement, overlaps, found.covered, misplaced, parting)
+    notes += notes_on_distant_outlines(placement.problem)
     of_fixed = Overlaps(0)
     if placement.problem.avoid_overlap and np.count_nonzero(placement.fixed) > 1:
         of_fixed = overlaps_of_fixed_on_surface(placement, launcher)

@@ -19,6 +19,7 @@ __all__ = [
     "notes_on_fixed_places",
     "notes_on_overlaps",
     "notes_on_places",
+    "notes_on_what_is_not_parted",
 ]
 
 # Overlaps of footprints that nobody asked to keep apart are told of where at least this share of the bodies overlap others, and the
@@ -26,13 +27,14 @@ __all__ = [
 MANY, DEEP = 0.05, 0.1
 
 
-def notes_on_overlaps(placement: Placement, overlaps: Overlaps, covered: float) -> list[str]:
+def notes_on_overlaps(placement: Placement, overlaps: Overlaps, covered: float, parted: bool = True) -> list[str]:
     """Say what overlaps or was parted where it is too dense, why, and what helps.
 
     Args:
         placement: What was placed.
         overlaps: What of it overlaps.
         covered: Share of the ground that footprints have come to take.
+        parted: Whether it was tried to part what overlaps.
     """
     problem = placement.problem
     cover = cover_of(problem) if problem.avoid_overlap else None
@@ -42,7 +44,7 @@ def notes_on_overlaps(placement: Placement, overlaps: Overlaps, covered: float) 
         return [] if cover is None or cover.warning is None or cover.too_much else [cover.warning]
     notes: list[str] = []
     if cover is not None:
-        pairs = _pairs(overlaps.count, "still overlap")
+        pairs = _pairs(overlaps.count, "still overlap" if parted else "overlap")
         notes.append(Note(f"{pairs}, the deepest by {overlaps.deepest:.3g} m", NoteKind.OVERLAPS))
     if cover is not None and cover.warning is not None:
         notes.append(cover.warning)
@@ -88,20 +90,30 @@ def _is_tone(body_class: PreparedClass) -> bool:
     return is_to_cover(body_class) or (asked is not None and (asked.density_correction or asked.unsharp is not None))
 
 
-def notes_on_places(problem: Problem, found: OutOfPlace) -> list[str]:
-    """Say what lies in obstacles or reaches across the border, and what helps."""
+def notes_on_places(problem: Problem, found: OutOfPlace, parted: bool = True) -> list[str]:
+    """Say what lies in obstacles or reaches across the border, and what helps; if it was not ``parted``, something else does."""
     if not (found.in_obstacles or found.beyond_border):
         return []
     notes = []
     # Where there is room for all, those that are left may only need time to find it.
     helps = ("" if cover_of(problem).warning else "take more steps, or ") + "lower the counts or the areas"
+    helps = f"; {helps}" if parted else ""
     if found.in_obstacles:
         lie = "1 body lies" if found.in_obstacles == 1 else f"{found.in_obstacles} bodies lie"
-        notes.append(f"{lie} in obstacles, the deepest by {found.deepest:.3g} m; {helps}")
+        notes.append(f"{lie} in obstacles, the deepest by {found.deepest:.3g} m{helps}")
     if found.beyond_border:
         reach = "1 body reaches" if found.beyond_border == 1 else f"{found.beyond_border} bodies reach"
-        notes.append(f"{reach} across the border, the farthest by {found.farthest:.3g} m; {helps}")
+        notes.append(f"{reach} across the border, the farthest by {found.farthest:.3g} m{helps}")
     return notes
+
+
+def notes_on_what_is_not_parted(problem: Problem, overlaps: Overlaps, found: OutOfPlace, stopped: bool) -> list[str]:
+    """Say that bodies that lie where they may not have not been parted yet, and why, or how they are."""
+    if not problem.avoid_overlap or not (overlaps.count or found.in_obstacles or found.beyond_border):
+        return []
+    if stopped:
+        return ["the run was stopped before bodies were parted"]
+    return ["bodies were not parted after the last step: call `separate()` of the Solver"]
 
 
 def notes_on_distant_outlines(problem: Problem) -> list[str]:

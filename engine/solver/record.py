@@ -17,11 +17,13 @@ class Record:
     Attributes:
         steps: Steps taken.
         rests: Whether bodies have come to rest, as a run that has ended knows; None where the last steps tell.
+        parted: Whether it was tried to part outlines after the last step.
     """
 
     def __init__(self) -> None:
         self.steps = 0
         self.rests: bool | None = None
+        self.parted = False
         self._residuals: deque[float] = deque(maxlen=last_steps(1))
         # Blocks may lie in each other: an edit parts outlines.
         self._seconds, self._depth, self._begun = 0.0, 0, 0.0
@@ -35,6 +37,7 @@ class Record:
         """Count steps, after which bodies would still move by ``residual`` of their spacing."""
         self.steps += count
         self.rests = None
+        self.parted = False
         self._residuals.append(residual)
 
     def has_settled(self, model: Model) -> bool:

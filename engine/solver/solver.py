@@ -32,7 +32,7 @@ from ..problem.problem import Problem
 from ..problem.settings import belongs_to
 from ..problem.surface import Surface
 from ..problem.validation import check_count
-from ..quality.measurement import measure
+from ..quality.measurement import Parting, measure
 from .bookmarks import Bookmark
 from .placing import CLOSED, GivenPlaces
 from .placing_in_plane import PlacingInPlane
@@ -380,7 +380,9 @@ class Solver:
             Whether no outlines overlap that are to keep apart; True if the problem allows overlap.
         """
         with self._record:
-            return self._separate(go_on, again)
+            parted = self._separate(go_on, again)
+        self._record.parted = True
+        return parted
 
     def _separate(self, go_on: Callable[[], bool] | None, again: bool) -> bool:
         """Do what :meth:`separate` does."""
@@ -455,26 +457,30 @@ class Solver:
             raise ProblemError("a placement without its ghosts has no report")
         return self._with_report(placement, self.heat)
 
-    def _with_report(self, placement: Placement, heat: HeatMeshes | None) -> Placement:
+    def _with_report(self, placement: Placement, heat: HeatMeshes | None, stopped: bool = False) -> Placement:
         done = self._record
+        parting = Parting.DONE if done.parted else Parting.STOPPED if stopped else Parting.TO_COME
         with done:
             with self.launcher.phase("report"):
-                report = measure(placement, self.launcher, heat)
+                report = measure(placement, self.launcher, heat, parting)
             converged = done.has_settled(self.model) and (report.clean or not placement.problem.avoid_overlap)
             report = replace(report, steps=done.steps, converged=converged, seconds=done.seconds)
         return replace(placement, report=report)
 
-    def last_placement(self) -> Placement:
+    def last_placement(self, *, stopped: bool = False) -> Placement:
         """Return :meth:`placement` with its report, for which it releases the memory that steps need.
 
         The solver can take no steps after that.
+
+        Args:
+            stopped: Whether somebody has stopped the run, as the report then says where bodies were not parted.
         """
         heat = self.heat
         placement = self.placement()
         # Whoever was told how the run goes may ask where bodies are even now.
         self._left_at = placement.position
         self._placing.let_go()
-        return self._with_report(placement, heat)
+        return self._with_report(placement, heat, stopped)
 
     def close(self) -> None:
         """Release memory and threads; a ``launcher`` that was passed in stays open. See :class:`Solver` for what fails afterwards."""

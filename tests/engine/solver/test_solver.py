@@ -20,7 +20,9 @@ from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.fixed_bodies import FixedBodies
+from esh.engine.problem.footprint import Footprint
 from esh.engine.problem.line import Line
+from esh.engine.problem.obstacles import Obstacle
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
@@ -341,3 +343,27 @@ def test_a_file_that_holds_no_state_is_named(tmp_path):
     for path in (text, other, table):
         with pytest.raises(ProblemError, match=f"{path.name} holds no State"):
             State.load(path)
+
+
+CALL_IT = "bodies were not parted after the last step: call `separate()` of the Solver"
+
+
+@pytest.mark.parametrize("domain", ["plane", "surface"])
+def test_a_report_says_that_bodies_were_not_parted_yet_and_what_does_it(domain):
+    """Fewer bodies would be no help where nobody has parted them."""
+    flat = SurfaceMesh([[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [20.0, 20.0, 0.0], [0.0, 20.0, 0.0]], [[0, 1, 2], [0, 2, 3]])
+    on = Surface([flat]) if domain == "surface" else Domain((20.0, 20.0), inset=True)
+    hole = Obstacle(polygon=[(5.0, 5.0), (10.0, 5.0), (10.0, 10.0), (5.0, 10.0)])
+    boxes = BodyClass("box", [Size("s", count=420, footprint=Footprint.rectangle(1.0, 0.5))])
+    problem = Problem(on, [boxes], avoid_overlap=True, obstacles=[hole] if domain == "plane" else [])
+    with Solver(problem, device="cpu") as solver:
+        solver.run(20)
+        report = solver.placement(report=True).report
+        assert report.overlaps and report.notes[-1] == CALL_IT
+        assert not any("lower the counts" in note or "still" in note for note in report.notes)
+        assert solver.separate()
+        assert not solver.placement(report=True).report.notes
+        solver.step(3)
+        assert solver.placement(report=True).report.notes[-1] == CALL_IT, "steps make bodies overlap again"
+    stopped = solve(problem, device="cpu", progress=lambda progress: progress.step < 10).report
+    assert stopped.notes[-1] == "the run was stopped before bodies were parted"
