@@ -161,6 +161,8 @@ def read_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = None) -> 
     parsed = _parsed(path)
     recipe = RecipeTable(parsed.path, "", "", parsed.entries, PLACES)
     # The version comes first: a recipe of another one may well have other keys.
+    if "version" not in recipe.entries:
+        raise recipe.error("version", f"is missing: write `version = {VERSION}` at the top of the recipe")
     recipe.take("version", _check_version)
     recipe.check_keys(*PLACES[AT_TOP], *PLACES[AS_TABLE])
     settings = read_settings(recipe, ProblemSettings)

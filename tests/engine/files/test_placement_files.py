@@ -22,6 +22,7 @@ from esh.engine.files.placement_files import (
     write_files,
     write_placement,
 )
+from esh.engine.problem.report import ClassReport, SizeReport
 
 ROOT = Path(__file__).parents[3]
 
@@ -184,3 +185,20 @@ def test_the_documents_name_every_format():
     for ending in WRITERS:
         assert f"``{ending}``" in placement_files.write_placement.__doc__
         assert f"`{ending}`" in (ROOT / "docs" / "command-line.md").read_text(encoding="utf-8")
+
+
+def test_the_documents_name_every_key_of_a_report():
+    text = (ROOT / "docs" / "command-line.md").read_text(encoding="utf-8")
+    table = text.partition("The report has these keys")[2].partition("The printed report")[0]
+    rows = [row.split(" | ")[0] for row in table.splitlines() if row.startswith("| `")]
+    named = " ".join(rows)
+    size = SizeReport("only", 1.0, 3, 3)
+    report = Report(1, True, 0.1, "cpu", 0.1, None, 0, 0.0, (ClassReport("a", 0.1, (size,)),)).to_dict()
+    of_class = report["classes"][0]
+    for key in report:
+        assert f"| `{key}`" in table, key
+    for key in of_class:
+        assert f"`{key}`" in named, key
+    sizes = next(row for row in table.splitlines() if row.startswith("| `sizes`"))
+    for key in of_class["sizes"][0]:
+        assert f"`{key}`" in sizes, key

@@ -122,7 +122,7 @@ def test_the_example_is_what_its_comment_says():
 
 # (what is replaced in COMPLETE, by what, what the sentence must hold)
 MISTAKES = {
-    "version missing": ("version = 1", "", "`version` is missing"),
+    "version missing": ("version = 1", "", "`version` is missing: write `version = 1` at the top of the recipe"),
     "version unknown": ("version = 1", "version = 2", "`version` must be 1, the only version; got 2"),
     "version text": ("version = 1", 'version = "1"', "`version` must be 1"),
     "version true": ("version = 1", "version = true", "`version` must be 1"),
