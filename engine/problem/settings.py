@@ -211,12 +211,15 @@ def values_of(source: object, cls: Any) -> dict[str, Any]:
     return {name: getattr(source, name) for name in settings_of(cls)}
 
 
-def belongs_to(*purposes: str, named: bool = True) -> Callable[[Function], Function]:
+def belongs_to(
+    *purposes: str, named: bool = True, instead: Mapping[str, str] | None = None
+) -> Callable[[Function], Function]:
     """Have a function or class, and those that are called for the same purposes, say where a setting belongs that they do not know.
 
     Args:
         purposes: Keys of ``TOGETHER``.
         named: Whether others name it; otherwise it only names others.
+        instead: What says the same here as settings of others that it does not know, by their names, as ends of sentences.
     """
 
     def remember(called: Function) -> Function:
@@ -235,7 +238,7 @@ def belongs_to(*purposes: str, named: bool = True) -> Callable[[Function], Funct
         @functools.wraps(made)
         def checked(*values: Any, **given: Any) -> Any:
             for key in given:
-                if key not in taken and (place := _place_of(key, purposes)):
+                if key not in taken and (place := (instead or {}).get(key) or _place_of(key, purposes)):
                     raise TypeError(f"`{key}` is not a setting of {name}; {place}")
             return made(*values, **given)
 

@@ -70,7 +70,7 @@ class Edit(NamedTuple):
     steps: int
 
 
-@belongs_to("problem", named=False)
+@belongs_to("problem", named=False, instead={"max_steps": "its method `run` takes it: solver.run(max_steps=...)"})
 class Solver:
     """Places the bodies of a problem, step by step; :func:`~esh.engine.solve.solve` does all of it at once.
 

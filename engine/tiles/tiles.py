@@ -61,6 +61,7 @@ INDEX = "index.json"
 # the first two cross, of the last alone. Measured on 160,000 bodies, means of three seeds, five of one solve: the smallest spacings
 # of lines and of dots on a photograph are .647 and .606 with 55, 45 and 45; .664 and .610 with these; .670 and .616 in one solve.
 STEPS = (50, 45, 60)
+STEPS_INSTEAD = {"max_steps": f"`steps` are those of its passes: solve_tiles(..., steps={STEPS})"}
 # Blur of the coarse warp in spacings of a group, or of all bodies, and in cells at least. What is finer only windows settle, but
 # not beside their cuts: with 12 spacings errors there at k = 4 are half as large again, with 6 a tenth.
 BLUR, BLUR_IN_CELLS = 4.0, 2.0
@@ -104,7 +105,7 @@ class TileState:
     notes: tuple[str, ...] = ()
 
 
-@belongs_to("problem", named=False)
+@belongs_to("problem", named=False, instead=STEPS_INSTEAD)
 def solve_tiles(
     problem: Problem | str | Path,
     folder: str | Path,

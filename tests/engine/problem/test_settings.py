@@ -215,12 +215,22 @@ def test_a_problem_is_told_its_settings_by_name_and_keeps_them():
         ),
         (lambda **more: solve_many([], **more), "seed", TypeError, "Problem: Problem"),
         (lambda **more: solve_tiles("r.toml", "out", **more), "avoid_overlap", TypeError, "Problem: Problem"),
-        (lambda **more: Solver(Problem(SQUARE, CLASSES), **more), "max_steps", TypeError, "solve: solve"),
+        (lambda **more: Solver(Problem(SQUARE, CLASSES), **more), "avoid_overlap", TypeError, "Problem: Problem"),
     ],
 )
 def test_of_a_setting_that_belongs_elsewhere_it_is_said_where(call, name, error, said):
     with pytest.raises(error, match=rf"`{name}` is not a .*setting.*; it belongs to {said}\(\.\.\., {name}=\.\.\.\)$"):
         call(**{name: 3})
+
+
+def test_steps_belong_to_what_takes_them_here():
+    taken = r"its method `run` takes it: solver\.run\(max_steps=\.\.\.\)$"
+    with pytest.raises(TypeError, match=rf"`max_steps` is not a setting of Solver; {taken}"):
+        Solver(Problem(SQUARE, CLASSES), max_steps=3)
+    with pytest.raises(
+        TypeError, match=r"`max_steps` is not .*; `steps` are those of its passes: solve_tiles\(\.\.\., steps=\("
+    ):
+        solve_tiles("r.toml", "out", max_steps=3)
 
 
 def test_what_belongs_nowhere_is_refused_as_ever_and_signatures_stay():
