@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ..problem.cover import cover_of
 from ..problem.note import Note, NoteKind
-from ..problem.notes_on_settings import ONLY_IF, is_to_cover, note_on_fit
+from ..problem.notes_on_settings import ONLY_IF, note_on_fit
 from ..problem.placement import Placement
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
@@ -63,14 +65,15 @@ def _pairs(count: int, overlap: str) -> str:
 def _is_unwanted(placement: Placement, overlaps: Overlaps) -> bool:
     """Whether footprints that nobody asked to keep apart overlap so much that somebody will mind, and nothing asked for it.
 
-    Lines that cross are hatching. Dots overlap for the tone of a picture where their density is a share to cover or was sharpened,
+    Lines that cross are hatching. Dots overlap for the tone of a picture where their density was prepared as that of a halftone is,
     where it asks for more than fits, and where all are alike: they only meet where it is high. Outlines are those of solid things.
     """
     problem = placement.problem
-    sizes = [size for body_class in problem.classes for size in body_class.sizes]
-    if any(_is_tone(c) for c in problem.classes) or any(size.line is not None for size in sizes):
-        return False
-    if len(overlaps.bodies) < min(MANY * len(placement.position), MOST_NAMED) or overlaps.pair is None:
+    sizes = [(size, size.line is not None or _is_tone(c)) for c in problem.classes for size in c.sizes]
+    solid = [size for size, is_meant in sizes if not is_meant]
+    is_solid = np.repeat([not is_meant for _, is_meant in sizes], [size.count or 0 for size, _ in sizes])
+    overlapping = int(np.count_nonzero(is_solid[list(overlaps.bodies)]))
+    if not overlapping or overlapping < min(MANY * np.count_nonzero(is_solid), MOST_NAMED) or overlaps.pair is None:
         return False
     pair = list(overlaps.pair)
     if problem.balance.class_separation == 0.0 and len(set(placement.class_index[pair].tolist())) > 1:
@@ -78,16 +81,16 @@ def _is_unwanted(placement: Placement, overlaps: Overlaps) -> bool:
         return False
     if overlaps.deepest < DEEP * 2.0 * math.sqrt(float(placement.area[pair].min()) / math.pi):
         return False
-    if any(size.footprint is not None for size in sizes):
+    if any(size.footprint is not None for size in solid):
         return True
-    alike = len(sizes) == 1 and not isinstance(sizes[0].area, tuple)
+    alike = len(solid) == 1 and not isinstance(solid[0].area, tuple)
     return not alike and cover_of(problem).warning is None
 
 
 def _is_tone(body_class: PreparedClass) -> bool:
-    """Whether a class draws a picture: what it covers is asked for, or its density was prepared as that of a halftone is."""
+    """Whether a class draws a picture: its density was prepared as that of a halftone is."""
     asked = body_class.asked
-    return is_to_cover(body_class) or (asked is not None and (asked.density_correction or asked.unsharp is not None))
+    return asked is not None and (bool(asked.density_correction) or asked.unsharp is not None)
 
 
 def notes_on_places(problem: Problem, found: OutOfPlace, parted: bool = True) -> list[str]:

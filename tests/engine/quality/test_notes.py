@@ -104,6 +104,27 @@ def test_what_overlaps_on_purpose_is_not_told_of(kind):
     assert report.overlaps > 50 and not notes
 
 
+@pytest.mark.parametrize("kind", ["cover", "outlines to cover", "beside lines", "beside a picture"])
+def test_overlaps_are_told_of_however_counts_were_given_and_whatever_else_is_there(kind):
+    stones = [Size("large", 18.0, share=0.5), Size("small", 2.0, share=0.5)]
+    boxes = [Size("box", None, 300, footprint=Footprint.rectangle(2.5, 1.5))]
+    ink = [Size("line", 1.2, 80, line=Line(4.0, "none", width=0.3))]
+    ramp = np.linspace(0.0, 1.0, 64)[None, :]
+    problem = {
+        "cover": lambda: Problem(SQUARE, [BodyClass("stone", stones, 0.7, count="cover")]),
+        "outlines to cover": lambda: Problem(
+            SQUARE, [BodyClass("box", [Size("box", None, footprint=boxes[0].footprint)], 0.6, count="cover")]
+        ),
+        "beside lines": lambda: Problem(SQUARE, [BodyClass("box", boxes), BodyClass("ink", ink)]),
+        "beside a picture": lambda: Problem(
+            SQUARE,
+            [BodyClass("box", boxes), BodyClass("ink", [Size("dot", 0.2, 500)], ramp, unsharp=Unsharp(1.0, 2.0))],
+        ),
+    }[kind]()
+    (note,), report = told(problem)
+    assert report.overlaps and note.endswith(NAMED)
+
+
 @pytest.mark.parametrize(
     ("given", "expected"),
     [
