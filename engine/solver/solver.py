@@ -26,7 +26,7 @@ from ..model.looking import LOOKS_AWAY, angle_within, looks_at_point, somebody_l
 from ..model.memory import check_memory
 from ..model.model import Model
 from ..model.state import State, SurfaceState
-from ..problem.given_values import check_is, check_progress
+from ..problem.given_values import check_is, check_progress, show
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.settings import belongs_to
@@ -430,12 +430,13 @@ class Solver:
         Raises:
             ProblemError: A position is not finite.
         """
-        self._placing.cut()
-        placement = self.descent.placement()
-        # A single position that is not finite makes the sum not finite.
-        if not np.isfinite(placement.position.sum()):
-            raise ProblemError(OVERFLOW, Refusal(Reason.FORCES_NOT_FINITE, 1, 0))
-        placement = self._placing.finished(placement)
+        with self._record:
+            self._placing.cut()
+            placement = self.descent.placement()
+            # A single position that is not finite makes the sum not finite.
+            if not np.isfinite(placement.position.sum()):
+                raise ProblemError(OVERFLOW, Refusal(Reason.FORCES_NOT_FINITE, 1, 0))
+            placement = self._placing.finished(placement)
         return self.measured(placement) if report else placement
 
     def measured(self, placement: Placement) -> Placement:
@@ -449,10 +450,18 @@ class Solver:
             placement: What :meth:`placement` has returned, since the last edit.
 
         Raises:
-            ProblemError: Some bodies are ghosts (:class:`BodyFlags`): what remains without them is not what the problem asks for.
+            ProblemError: It has other classes, numbers of bodies or another domain than the solver's problem; or some bodies are
+                ghosts (:class:`BodyFlags`): what remains without them is not what the problem asks for.
         """
         self._check_open()
         check_is(placement, Placement, "`placement`")
+        own, given = self.model.problem, placement.problem
+        same = given.domain is own.domain or (not isinstance(own.domain, Surface) and given.domain == own.domain)
+        if not same or _numbers(given) != _numbers(own):
+            raise ProblemError(
+                f"`placement` must be one of this solver since its last edit, with {_in_words(own)}, in the same domain; "
+                f"got one with {_in_words(given)}"
+            )
         if len(placement.position) != placement.problem.body_count:
             raise ProblemError("a placement without its ghosts has no report")
         return self._with_report(placement, self.heat)
@@ -507,3 +516,14 @@ class Solver:
 
     def _position(self) -> np.ndarray:
         return self._placing.positions() if self._left_at is None else self._left_at.copy()
+
+
+def _numbers(problem: Problem) -> dict[str, int]:
+    """How many bodies each class has, by its name."""
+    return {body_class.name: body_class.body_count for body_class in problem.classes}
+
+
+def _in_words(problem: Problem) -> str:
+    """Number of bodies of every class: '120 of "pine" and 30 of "beech"'."""
+    parts = [f"{count} of {show(name)}" for name, count in _numbers(problem).items()]
+    return " and ".join(filter(None, (", ".join(parts[:-1]), parts[-1])))

@@ -367,3 +367,37 @@ def test_a_report_says_that_bodies_were_not_parted_yet_and_what_does_it(domain):
         assert solver.placement(report=True).report.notes[-1] == CALL_IT, "steps make bodies overlap again"
     stopped = solve(problem, device="cpu", progress=lambda progress: progress.step < 10).report
     assert stopped.notes[-1] == "the run was stopped before bodies were parted"
+
+
+@pytest.mark.parametrize("edited", [False, True])
+def test_a_placement_of_other_bodies_is_not_measured(edited):
+    """It would have the steps and seconds of a run that did not make it."""
+    side = Domain((20.0, 10.0))
+
+    def problem(name="pine", count=120, domain=side):
+        return Problem(domain, [BodyClass(name, [Size("any", 0.2, count)]), BodyClass("beech", [Size("any", 0.2, 30)])])
+
+    others = [problem(count=121), problem("fir"), problem(domain=Domain((20.0, 11.0)))]
+    with Solver(problem(), device="cpu") as solver:
+        solver.run(2)
+        mine = solver.placement()
+        for other in others:
+            with pytest.raises(
+                ProblemError, match=r'`placement` must be .* with 120 of "pine" and 30 of "beech", in the same'
+            ) as said:
+                solver.measured(solve(other, device="cpu", max_steps=1))
+        assert str(said.value).endswith('; got one with 120 of "pine" and 30 of "beech"')
+        if edited:
+            solver.edit(problem(count=90))
+            with pytest.raises(ProblemError, match=r'with 90 of "pine" .*; got one with 120 of "pine"'):
+                solver.measured(mine)
+            mine = solver.placement()
+        assert solver.measured(mine).report is not None
+
+
+def test_reading_the_result_back_counts_as_time_of_a_run(monkeypatch):
+    with Solver(problem_of("dots"), device="cpu") as solver:
+        solver.run(2)
+        read, before = solver.descent.placement, solver.placement(report=True).report.seconds
+        monkeypatch.setattr(solver.descent, "placement", lambda: time.sleep(0.5) or read())
+        assert solver.placement(report=True).report.seconds > before + 0.5
