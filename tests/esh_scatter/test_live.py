@@ -348,7 +348,7 @@ def test_a_report_that_is_being_made_does_not_hold_up_the_next_edit(scatter, fol
     measured, ended = solver.measure, []
     (one,) = live._followed.values()
 
-    def measure(placement, launcher, heat):
+    def measure(placement, launcher, *others):
         launches = launcher.python_launches
         try:
             if not ended:
@@ -356,7 +356,7 @@ def test_a_report_that_is_being_made_does_not_hold_up_the_next_edit(scatter, fol
                 while True:
                     launcher.ask()
                     time.sleep(0.01)
-            return measured(placement, launcher, heat)
+            return measured(placement, launcher, *others)
         finally:
             ended.append(launcher.python_launches - launches)
 

@@ -47,10 +47,10 @@ def test_what_was_asked_for_before_an_undo_is_not_shown_after_it(scatter, follow
     bpy.ops.ed.undo_push(message="live")
     measured, measuring, may_measure = solver.measure, threading.Event(), threading.Event()
 
-    def measure(placement, launcher, heat):
+    def measure(placement, launcher, *others):
         measuring.set()
         assert may_measure.wait(30.0)
-        return measured(placement, launcher, heat)
+        return measured(placement, launcher, *others)
 
     monkeypatch.setattr(solver, "measure", measure)
     scatter.classes["Pine"].sizes[0].count = 220
