@@ -208,7 +208,7 @@ def test_overlap_is_said_before_a_run_and_shown_after_it(monkeypatch):
         "once is enough"
     )
     scatter.avoid_overlap = False
-    assert any("The footprints cover 300%" in line for line in draw_all(800))
+    assert any("Footprints would cover 300%" in line for line in draw_all(800))
     assert not {"esh.counts_to_fit", "room", "gap"} & set(draw_all())
 
 

@@ -139,7 +139,9 @@ def test_what_cannot_fit_is_said_before_the_run(folder, capfd):
     (folder / "forest.toml").write_text(full)
     assert solve("-o", "a.npz", "--max-steps", "2") == 0
     out, err = capfd.readouterr()
-    assert err.startswith("esh-scatter: forest.toml: the footprints cover ") and "fits" in err and err.count("\n") == 1
+    assert (
+        err.startswith("esh-scatter: forest.toml: footprints would cover ") and "fits" in err and err.count("\n") == 1
+    )
     assert "still overlap, the deepest by" in out
     assert solve("-o", "a.npz", "--max-steps", "2", "--quiet") == 0
     assert capfd.readouterr() == ("", "")

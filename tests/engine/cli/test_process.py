@@ -257,7 +257,7 @@ def test_whoever_reads_may_leave_at_any_time(folder, closed, option):
     setattr(process, closed, None)
     status, out, err = end_of(process)
     assert status == 0 and "Warp" not in (out or "")
-    assert not err or (err.count("\n") == 1 and "the footprints cover 250%" in err)
+    assert not err or (err.count("\n") == 1 and "footprints would cover 250%" in err)
     assert np.load("b.npz")["position"].shape == (200, 2)
     assert (folder / "a.csv").read_bytes() != b"old a.csv"
 

@@ -355,7 +355,7 @@ def test_the_command_says_what_it_did(recipe, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("count", "said"), [(300, ""), (700, "the footprints cover 140% of where they may be: at most")]
+    ("count", "said"), [(300, ""), (700, "footprints would cover 140% of the space where they may be, but at most")]
 )
 def test_what_cannot_fit_is_said_before_it_is_placed(count, said, tmp_path, capsys):
     """Hours went by without a word."""
