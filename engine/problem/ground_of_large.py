@@ -31,10 +31,10 @@ LARGE_FROM, LARGE = 3.0, 9.0
 # Cells along the longer side of a rectangle in which it is compared how dense small and large ones stand, and points of a surface.
 CELLS, POINTS = 32, 1 << 14
 # Forces go in steps of this share: a stroke of a brush does not change how all bodies act on each other.
-STEP = 0.2
+STEP = 0.1
 # Small ones push each other so many times as strongly as that makes it: measured, their coverage errors are least then, with one class
 # or several, few large ones or many. They stand in rows along the rims of large ones, of which the first is where these begin.
-IN_ROWS = 1.25
+IN_ROWS = 1.2
 # Groups whose mean areas differ by less are not told apart.
 LEAST_RATIO = 2.0
 # What is left of an own factor of 1 at least where small ones are so dense that large ones push them too little even with that.

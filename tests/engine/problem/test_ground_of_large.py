@@ -62,10 +62,13 @@ def test_what_other_small_ones_miss_there_is_pushed_for_too():
     """Of two classes of small bodies each would else fill the ground that large ones take from the other."""
     boulders, tufts = boulders_and_tufts(Domain((40.0, 40.0)), counts=(30, 6000)).classes
     alone = most_alone(Problem(Domain((40.0, 40.0)), [boulders, tufts], avoid_overlap=True))[1]
-    others = BodyClass("fern", [Size("s", 4.0 * math.pi * SMALL**2, 4000)])
+    others = BodyClass("fern", [Size("s", math.pi * SMALL**2, 16_000)])
     beside = most_alone(Problem(Domain((40.0, 40.0)), [boulders, tufts, others], avoid_overlap=True))
-    missed = 4000 * 4.0 * math.pi * SMALL**2 / 1600.0
-    assert (1.0 + beside[1]) / (1.0 + alone) == pytest.approx(1.0 - missed, rel=0.2)
+    ground = math.pi * (LARGE + SMALL) ** 2
+    missed = ground * 16_000 * (SMALL / LARGE) ** 2 / 1600.0
+    assert (1.0 + beside[1]) / (1.0 + alone) == pytest.approx(
+        1.0 - missed / (1.0 - 30 * ground / 1600.0), rel=1.2 * STEP
+    )
 
 
 def test_each_large_size_has_a_say_by_how_many_small_ones_it_leaves_no_ground_for():

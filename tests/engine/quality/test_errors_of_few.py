@@ -16,14 +16,22 @@ def ground(kind):
 
 @pytest.mark.parametrize("kind", ["plane", "surface"])
 @pytest.mark.parametrize(
-    ("separation", "apart", "said", "closer"),
-    [(1.0, True, True, True), (0.5, True, False, False), (0.0, True, True, False), (0.0, False, False, False)],
+    ("separation", "rare", "apart", "said", "closer"),
+    [
+        (1.0, 0.0, True, True, True),
+        (1.0, 1.0, True, False, False),
+        (0.5, 1.0, True, False, False),
+        (0.0, 1.0, True, True, False),
+        (0.0, 1.0, False, False, False),
+    ],
 )
 def test_small_bodies_that_large_ones_keep_off_are_named_and_what_lets_them_closer(
-    kind, separation, apart, said, closer
+    kind, separation, rare, apart, said, closer
 ):
     classes = [BodyClass("plate", [Size("p", 0.15, 20)]), BodyClass("disc", [Size("d", 0.0002, 1500)])]
-    problem = Problem(ground(kind), classes, Balance(class_separation=separation), avoid_overlap=apart)
+    problem = Problem(
+        ground(kind), classes, Balance(class_separation=separation, rare_emphasis=rare), avoid_overlap=apart
+    )
     placement = solve(problem, max_steps=60, device="cpu")
     found = [note for note in placement.report.notes if kind_of(note) == NoteKind.AROUND_LARGER]
     assert len(found) == said
@@ -31,7 +39,8 @@ def test_small_bodies_that_large_ones_keep_off_are_named_and_what_lets_them_clos
         assert '"disc"' in found[0] and '"plate"' not in found[0] and ("lower" in found[0]) == closer
     assert {entry.name for entry in placement.report.classes if entry.kept_off} == ({"disc"} if said else set())
     error = {entry["name"]: entry["coverage_error"] for entry in placement.report.to_dict()["classes"]}["disc"]
-    # Where classes are mixed wholly, what is a plate's around it is not free, either; where they are not at all, discs crowd there.
+    # Where classes are mixed wholly and none counts for more, what is a plate's around it is not free, either; where they are not at
+    # all, discs crowd there.
     assert (error > 0.15) == said and (error > 0.3) == closer
 
 
