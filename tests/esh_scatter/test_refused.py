@@ -229,7 +229,7 @@ OF_SCRIPTS = {
     "solver/placing.py Placing.start_from": 1,
     "solver/placing.py Placing.check_domain": 1,
     "solver/placing_on_surface.py PlacingOnSurface.check_domain": 1,
-    "solver/solver.py Solver.measured": 1,
+    "solver/solver.py Solver.measured": 2,
     "solver/solver.py Solver._check_open": 1,
     "edits/given_places.py checked_places": 1,
     "edits/given_places.py checked_identities": 1,
