@@ -396,7 +396,7 @@ def build(device: str = "auto", quick: bool = False) -> Built:
             kind,
             [esh.ScatterSize("plant", round(share * n), flowers[kind], area=area, line=False)],
             density=esh.DensityStack([esh.DensityLayer(seen_by_camera), esh.DensityLayer(where[kind])]),
-            clustering=0.75,
+            clustering=0.9,
             clump_size=clump,
         )
         for kind, (n, _, area) in FLOWERS.items()

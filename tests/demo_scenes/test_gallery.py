@@ -13,11 +13,11 @@ SCENES = ROOT / "demo_scenes"
 NAMES = ("meadow", "beach", "crowd", "portrait")
 
 
-def built(scene):
+def built(scene, quick=True):
     import bpy
 
     bpy.ops.wm.read_homefile(use_empty=True)
-    return scene.build("cpu", True)
+    return scene.build("cpu", quick)
 
 
 @pytest.mark.parametrize("name", ["meadow", "beach", "crowd"])
@@ -34,6 +34,12 @@ def test_a_scene_keeps_its_promises(blender_module, name):
         made.results[0].object.data.update()
         with pytest.raises(AssertionError, match="degrees past the stage"):
             scene.test_final(made)
+
+
+def test_the_meadow_has_its_clumps_with_all_of_its_flowers_too(blender_module):
+    # Its clumps are smaller than those of few flowers, which plants that keep apart leave less of.
+    scene = blender_module("meadow")
+    scene.test_final(built(scene, quick=False))
 
 
 def test_nothing_of_the_path_is_left_out(blender_module):
