@@ -104,14 +104,17 @@ def group_bodies(
         densities: Images of the classes' densities where the problem has others in their place; None if it has them.
     """
     area = problem.shared_areas() if area is None else area
+    whole = sample_of or problem
     first_body = 0
     groups: list[np.ndarray] = []
     class_index: list[int] = []
     emphasis: list[float] = []
+    # What each is a group of, and for how many bodies one of a sample stands.
     size_of_group: list[Size] = []
+    stand_for: list[float] = []
     for c, body_class in enumerate(problem.classes):
         of_size = _size_emphases(problem, body_class)
-        for size, size_emphasis in zip(body_class.sizes, of_size, strict=True):
+        for size, size_emphasis, of_all_bodies in zip(body_class.sizes, of_size, whole.classes[c].sizes, strict=True):
             bodies = slice(first_body, first_body + (size.count or 0))
             first_body = bodies.stop
             level, level_emphasis = np.zeros(1, np.int32), np.array([size_emphasis])
@@ -121,24 +124,22 @@ def group_bodies(
             groups.append(np.broadcast_to(np.int32(len(emphasis)) + level, size.count or 0))
             emphasis.extend(level_emphasis.tolist())
             class_index.extend([c] * len(level_emphasis))
-            size_of_group.extend([size] * len(level_emphasis))
+            size_of_group.extend([of_all_bodies] * len(level_emphasis))
+            stand_for.extend([(of_all_bodies.count or 0) / max(size.count or 0, 1)] * len(level_emphasis))
     body_group = of_all(np.int32(0), len(area)) if len(emphasis) == 1 else np.concatenate(groups)
     e = np.array(emphasis)
     # Only ratios count: the least emphasis of every class is 1, as in the paper's tables.
     index = np.array(class_index)
     for c in range(len(problem.classes)):
         e[index == c] /= e[index == c].min()
-    whole = sample_of or problem
     counts = [c.body_count for c in whole.classes]
     # Of its largest size: how many there are of each, samples do not tell.
     areas = [max(size.mean_area for size in c.sizes) for c in problem.classes]
     between = problem.balance.class_factors(counts, areas, most_alone(whole, densities))[np.ix_(index, index)]
     matrix = between * np.minimum(e[:, None], e[None, :])
     if len(e) > 1:
-        # Samples count for as many as they stand for.
-        stand_for = np.divide(counts, [max(c.body_count, 1) for c in problem.classes])[index]
         number, charge = (np.bincount(body_group, weights, len(e)) * stand_for for weights in (None, area))
-        groups_of_bodies = Bodies(index, number, *_means(problem, number, charge, class_index, size_of_group))
+        groups_of_bodies = Bodies(index, number, *_means(whole, number, charge, class_index, size_of_group))
         matrix = spread_among_large(whole, groups_of_bodies, matrix, between, densities)
         spans = [one for c in problem.classes for size in c.sizes for one in size.area_span]
         if min(spans) * LEAST_SPAN <= max(spans):
