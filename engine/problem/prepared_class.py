@@ -489,8 +489,8 @@ def count_sizes(body_class: BodyClass, covered: float) -> tuple[Size, ...]:
     for size, number in zip(sizes, counts, strict=True):
         if number < 1:
             raise ProblemError(
-                f'`share` of size "{size.name}" of class "{body_class.name}" must be larger: {size.share:g} of {count} bodies '
-                "leaves none for it",
+                f'`share` of size "{size.name}" of class "{body_class.name}" must be larger: {size.share:g} of the area '
+                f"that {count} bodies take is less than one body of this size",
                 Refusal(Reason.SHARE_BELOW_ONE_BODY, count, size.share or 0.0, (body_class.name, size.name)),
             )
     return tuple(replace(size, count=number, share=None) for size, number in zip(sizes, counts, strict=True))

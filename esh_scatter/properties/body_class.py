@@ -190,7 +190,13 @@ class ESH_PG_class(PropertyGroup):
         description="How the number of objects is given",
         items=(
             ("SIZES", "Count", "A number; where there are several sizes, one for each", "LINENUMBERS_ON", 0),
-            ("TOTAL", "Total Count", "One number for all sizes together; each size gets a share of it", "ADD", 1),
+            (
+                "TOTAL",
+                "Total Count",
+                "One number for all sizes together; each size gets a share of the ground that they take",
+                "ADD",
+                1,
+            ),
             (
                 "PER_AREA",
                 "Per Area",

@@ -69,7 +69,9 @@ _SENTENCES = {
     ),
     Reason.COVER_BESIDE_FIXED: "{who}: its pinned objects leave no room for others: unpin some, or raise its density",
     Reason.COVER_BESIDE_COUNTED: "{who}: the other classes leave no room for it: lower their counts, or give it a count",
-    Reason.SHARE_BELOW_ONE_BODY: "{who}: its share leaves it none of {given_number}: raise the share or the count",
+    Reason.SHARE_BELOW_ONE_BODY: (
+        "{who}: its share of the ground that the class takes is less than one of {given_number} objects: raise the share or the count"
+    ),
     Reason.OBSTACLES_EVERYWHERE: "{who}: obstacles cover all of its ground: remove some, or lower their Margin",
     Reason.OBSTACLES_TOO_NEAR: (
         "{who}: obstacles leave no place that is {given} away from them: remove some, or lower their Margin, or the objects' Scale"

@@ -300,6 +300,20 @@ def test_a_class_is_named_by_itself_where_it_has_one_size():
     )
 
 
+def test_a_share_is_said_to_be_one_of_the_ground_not_of_the_count(empty_file):
+    # "0.01 of 9 bodies" would be none of any size, small or large.
+    with pytest.raises(
+        ProblemError, match=r"0.01 of the area that 9 bodies take is less than one body of this size"
+    ) as caught:
+        REFUSED[Reason.SHARE_BELOW_ONE_BODY]()
+    assert as_sentence(caught.value) == (
+        'Class "Pine", size "Large": its share of the ground that the class takes is less than one of 9 objects: raise the share or '
+        "the count"
+    )
+    kinds = bpy.context.scene.esh_scatter.add_scatter(None).add_class().bl_rna.properties["count_kind"].enum_items
+    assert "share of the ground" in kinds["TOTAL"].description
+
+
 def test_names_of_settings_are_those_of_the_sidebar():
     error = EshError("`face_material`: Ground has no material; see `balance.size_emphasis` and `nothing`")
     assert as_sentence(error) == "Faces of Material: Ground has no material; see Favor Large and nothing"

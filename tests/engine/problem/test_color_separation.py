@@ -149,7 +149,7 @@ def test_a_trace_of_an_ink_does_not_refuse_the_picture(green):
     assert [size.name for size in black.sizes] == ["S", "M", "L"]
     assert abs(sum(size.count * size.area for size in trace.sizes) - green) <= 2.0
     assert min(size.count for size in trace.sizes) >= 1
-    with pytest.raises(ProblemError, match="leaves none for it"):
+    with pytest.raises(ProblemError, match="less than one body of this size"):
         halftone_problem(image[:1, :1], "CMY-RGB-K", sizes=sizes)
 
 
