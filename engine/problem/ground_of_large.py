@@ -4,7 +4,8 @@ A class follows its density wherever the bodies of others are. Where outlines ar
 ground of a large one would stand in a closed row around it, nearer to each other than anywhere else. So a class is no more even by
 itself than leaves large bodies of others the force of as many small ones as they take the ground of. The densities of these others,
 which attract small ones as strongly, ask for those elsewhere. Around obstacles it is the same: they are known before anything is
-placed, and are cut out of densities.
+placed, and are cut out of densities. And small sizes of one class are more even by themselves, where large ones would else push them
+by more and leave a moat around themselves.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -23,7 +25,7 @@ from .problem import Problem
 from .size import Size
 from .surface import Surface
 
-__all__ = ["LARGE", "Bodies", "ground_radius", "most_alone", "spread_among_large"]
+__all__ = ["LARGE", "LEAST_RATIO", "Bodies", "Together", "ground_radius", "most_alone", "spread_among_large"]
 
 # Areas from which on bodies are large beside others: nothing changes up to the first ratio, everything from the second on. Bodies that
 # are more alike stand in gaps between each other.
@@ -74,20 +76,37 @@ class Bodies:
         return bool(self.area.max() < LARGE_FROM * self.area.min())
 
 
+class Together:
+    """How dense classes are where others are, looked at once, if at all.
+
+    Args:
+        problem: Whose classes they are.
+        densities: Images of their densities; None for those of the problem.
+    """
+
+    def __init__(self, problem: Problem, densities: Sequence[np.ndarray] | None = None) -> None:
+        self.problem, self._densities = problem, densities
+
+    @cached_property
+    def density(self) -> np.ndarray:
+        """See :func:`_densities_where_two_are`."""
+        return _densities_where_two_are(self.problem, self._densities)
+
+
 class GroundOfLarge:
     """What large bodies of a problem leave no ground for.
 
     Args:
-        problem: Whose bodies they are.
-        bodies: Their groups.
-        densities: Images of the classes' densities; None for those of the problem.
+        together: Of the problem.
+        bodies: Groups of its bodies.
     """
 
-    def __init__(self, problem: Problem, bodies: Bodies, densities: Sequence[np.ndarray] | None = None) -> None:
+    def __init__(self, together: Together, bodies: Bodies) -> None:
+        problem = together.problem
         self.bodies = bodies
         self._apart = problem.balance.classes_apart
         self._ground = problem.domain.area
-        self._density = _densities_where_two_are(problem, densities)
+        self._density = together.density
         # Share of the ground that each covers, were it all over the domain.
         self._cover = bodies.number * bodies.area / self._ground
         self._is_of_class = np.eye(len(problem.classes))[bodies.class_index]
@@ -148,23 +167,23 @@ class Pairs:
         return self.mean(np.einsum("slc,sc->sl", self.density, factors @ self.cover[groups]))
 
 
-def most_alone(problem: Problem, densities: Sequence[np.ndarray] | None = None) -> np.ndarray:
+def most_alone(together: Together) -> np.ndarray:
     """Return the largest own factor of every class with which large bodies of others push its own enough, shape ``[classes]``.
 
     See :meth:`.Balance.class_factors`. It is infinite where no large ones keep off. Of several large sizes each has a say by how many
     small bodies it leaves no ground for.
 
     Args:
-        problem: Whose bodies they are.
-        densities: Images of the classes' densities; None for those of the problem.
+        together: Of the problem whose classes they are.
     """
+    problem = together.problem
     alpha, result = problem.balance.class_separation, np.full(len(problem.classes), math.inf)
     if not problem.avoid_overlap or len(problem.classes) < 2 or alpha in {0.0, 1.0}:
         return result
     bodies = Bodies.of_sizes(problem)
     if bodies.alike:
         return result
-    ground = GroundOfLarge(problem, bodies, densities)
+    ground = GroundOfLarge(together, bodies)
     for of_class in range(len(problem.classes)):
         own = bodies.class_index == of_class
         pairs = ground.pairs(np.flatnonzero(own), np.flatnonzero(~own))
@@ -181,13 +200,7 @@ def in_steps(factor: float) -> float:
     return math.exp(STEP * round(math.log(factor) / STEP))
 
 
-def spread_among_large(
-    problem: Problem,
-    bodies: Bodies,
-    matrix: np.ndarray,
-    between: np.ndarray,
-    densities: Sequence[np.ndarray] | None = None,
-) -> np.ndarray:
+def spread_among_large(together: Together, bodies: Bodies, matrix: np.ndarray, between: np.ndarray) -> np.ndarray:
     """Return factors with which large bodies push small ones by no more than as many as they leave no ground for.
 
     A large body counts for all of its charge, and that is what would be on a far larger ground: sizes of one class would leave moats
@@ -195,17 +208,18 @@ def spread_among_large(
     there. What is added is positive semidefinite.
 
     Args:
-        problem: Whose bodies they are.
+        together: Of the problem whose bodies they are.
         bodies: Their groups.
         matrix: Interaction factors of the groups, shape ``[groups, groups]``.
         between: Those of their classes alone.
-        densities: Images of the classes' densities; None for those of the problem.
     """
+    problem = together.problem
     power = min(problem.balance.rare_emphasis, 1.0)
     if not problem.avoid_overlap or bodies.alike or power == 0.0:
         return matrix
-    ground = GroundOfLarge(problem, bodies, densities)
-    added = between * np.minimum.outer(bodies.area, bodies.area) / np.maximum.outer(bodies.area, bodies.area)
+    ground = GroundOfLarge(together, bodies)
+    larger = np.maximum(np.maximum.outer(bodies.area, bodies.area), 1e-300)
+    added = between * np.minimum.outer(bodies.area, bodies.area) / larger
     order = np.argsort(bodies.area, kind="stable")
     for last in range(len(order) - 1, 0, -1):
         small, large = order[:last], order[last:]
@@ -229,9 +243,10 @@ def spread_among_large(
     return matrix
 
 
-def ground_radius(body_class: PreparedClass, size: Size) -> float:
-    """Return the radius of the ground that a body of a size keeps for itself [m]."""
-    return float(disc_radius(size.mean_area)) * size.room * body_class.room + 0.5 * (size.gap + body_class.gap)
+def ground_radius(body_class: PreparedClass, size: Size, area: float | None = None) -> float:
+    """Return the radius of the ground that a body keeps for itself [m]: of an area [m²], or else of the mean area of its size."""
+    radius = float(disc_radius(size.mean_area if area is None else area))
+    return radius * size.room * body_class.room + 0.5 * (size.gap + body_class.gap)
 
 
 def _densities_where_two_are(problem: Problem, densities: Sequence[np.ndarray] | None) -> np.ndarray:

@@ -20,8 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .body_kind import disc_radius
-from .ground_of_large import LEAST_RATIO, Bodies, ground_radius, most_alone, spread_among_large
+from .ground_of_large import LEAST_RATIO, Bodies, Together, ground_radius, most_alone, spread_among_large
 from .of_bodies import of_all
 from .prepared_class import PreparedClass
 from .problem import Problem
@@ -135,28 +134,19 @@ def group_bodies(
     counts = [c.body_count for c in whole.classes]
     # Of its largest size: how many there are of each, samples do not tell.
     areas = [max(size.mean_area for size in c.sizes) for c in problem.classes]
-    between = problem.balance.class_factors(counts, areas, most_alone(whole, densities))[np.ix_(index, index)]
+    together = Together(whole, densities)
+    between = problem.balance.class_factors(counts, areas, most_alone(together))[np.ix_(index, index)]
     matrix = between * np.minimum(e[:, None], e[None, :])
     if len(e) > 1:
         number, charge = (np.bincount(body_group, weights, len(e)) * stand_for for weights in (None, area))
-        groups_of_bodies = Bodies(index, number, *_means(whole, number, charge, class_index, size_of_group))
-        matrix = spread_among_large(whole, groups_of_bodies, matrix, between, densities)
+        mean = charge / np.maximum(number, 1.0)
+        of_groups = zip(class_index, size_of_group, mean.tolist(), strict=True)
+        radius = [ground_radius(whole.classes[c], size, one) for c, size, one in of_groups]
+        matrix = spread_among_large(together, Bodies(index, number, mean, np.array(radius)), matrix, between)
         spans = [one for c in problem.classes for size in c.sizes for one in size.area_span]
         if min(spans) * LEAST_SPAN <= max(spans):
             matrix = _spread_small(matrix, between, number, charge)
     return Groups(body_group, index, matrix)
-
-
-def _means(
-    problem: Problem, number: np.ndarray, charge: np.ndarray, class_index: Sequence[int], sizes: Sequence[Size]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean areas of the bodies of groups [m²], and radii of the ground that these keep for themselves [m]."""
-    area = charge / np.maximum(number, 1.0)
-    radius = [
-        float(disc_radius(one) / disc_radius(size.mean_area)) * ground_radius(problem.classes[c], size)
-        for one, size, c in zip(area, sizes, class_index, strict=True)
-    ]
-    return area, np.array(radius)
 
 
 def _spread_small(matrix: np.ndarray, between: np.ndarray, number: np.ndarray, charge: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 from esh import Balance, BodyClass, Domain, Problem, Size, Surface, SurfaceMesh, solve
-from esh.engine.problem.ground_of_large import IN_ROWS, STEP, most_alone
+from esh.engine.problem.ground_of_large import IN_ROWS, STEP, Together, most_alone
 from esh.engine.problem.interaction import group_bodies
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -61,9 +61,9 @@ def test_what_counts_is_how_dense_small_ones_are_asked_to_be_where_both_are():
 def test_what_other_small_ones_miss_there_is_pushed_for_too():
     """Of two classes of small bodies each would else fill the ground that large ones take from the other."""
     boulders, tufts = boulders_and_tufts(Domain((40.0, 40.0)), counts=(30, 6000)).classes
-    alone = most_alone(Problem(Domain((40.0, 40.0)), [boulders, tufts], avoid_overlap=True))[1]
+    alone = most_alone(Together(Problem(Domain((40.0, 40.0)), [boulders, tufts], avoid_overlap=True)))[1]
     others = BodyClass("fern", [Size("s", math.pi * SMALL**2, 16_000)])
-    beside = most_alone(Problem(Domain((40.0, 40.0)), [boulders, tufts, others], avoid_overlap=True))
+    beside = most_alone(Together(Problem(Domain((40.0, 40.0)), [boulders, tufts, others], avoid_overlap=True)))
     ground = math.pi * (LARGE + SMALL) ** 2
     missed = ground * 16_000 * (SMALL / LARGE) ** 2 / 1600.0
     assert (1.0 + beside[1]) / (1.0 + alone) == pytest.approx(
@@ -78,7 +78,7 @@ def test_each_large_size_has_a_say_by_how_many_small_ones_it_leaves_no_ground_fo
     tufts = BodyClass("tuft", [Size("s", math.pi * SMALL**2, 3000)], density=near)
 
     def most(*classes):
-        return most_alone(Problem(Domain((40.0, 40.0)), [*classes], avoid_overlap=True))[0]
+        return most_alone(Together(Problem(Domain((40.0, 40.0)), [*classes], avoid_overlap=True)))[0]
 
     alone = most(tufts, boulders)
     for times in (2.0, 3.1, 4.0, 9.0, 20.0):
