@@ -180,7 +180,8 @@ def sculpted():
     yield 0.5
     yield from hand.until(at_rest, LONGEST_UPDATE, "Live to follow the ground")
     place = positions()
-    answer["sculpted"] = bpy.context.mode, len(place) == len(kind), float(place[:, 2].max())
+    raised = [z - height[number] for z, number in zip(place[:, 2], values("class_index"), strict=True)]
+    answer["sculpted"] = bpy.context.mode, len(place) == len(kind), float(max(raised))
     take_screenshot("gather-8-sculpted.png")
     yield from hand.move(on_screen((0.0, 0.0, 0.0)))
     with steps.window_context():

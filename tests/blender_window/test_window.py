@@ -345,8 +345,8 @@ def test_an_artist_gathers_classes_and_leads_them_around_a_path(package: Path, t
     assert answer["width"] == ["Path", 1.0]
     beside, overlaps = answer["beside_path"]
     assert beside > 0.5 and overlaps == 0
-    mode, all_there, highest = answer["sculpted"]
-    assert mode == "SCULPT" and all_there and highest > 0.95, "a pine stands on the raised ground"
+    mode, all_there, raised = answer["sculpted"]
+    assert mode == "SCULPT" and all_there and raised > 0.05, "some stand on the raised ground"
     assert answer["off_ground"] < 0.02
     assert answer["in_the_way"] and answer["together"] == [[[], []], 0, []]
 

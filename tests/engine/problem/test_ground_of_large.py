@@ -112,13 +112,14 @@ SOME_SIZES = st.lists(st.tuples(st.floats(1e-4, 1e2), st.integers(1, 3000)), min
 
 
 @settings(max_examples=100, deadline=None)
-@given(st.lists(SOME_SIZES, min_size=1, max_size=4), st.floats(0.0, 1.0), st.floats(0.0, 2.0))
-def test_no_eigenvalue_is_negative_whatever_areas_and_counts(classes_of_sizes, alpha, rare):
+@given(st.lists(SOME_SIZES, min_size=1, max_size=4), st.floats(0.0, 1.0), st.floats(0.0, 2.0), st.floats(1e-3, 10.0))
+def test_no_eigenvalue_is_negative_whatever_areas_and_counts(classes_of_sizes, alpha, rare, covered):
     classes = [
         BodyClass(f"{c}", [Size(f"{s}", area, count) for s, (area, count) in enumerate(sizes)])
         for c, sizes in enumerate(classes_of_sizes)
     ]
-    problem = Problem(Domain((100.0, 100.0)), classes, Balance(alpha, rare_emphasis=rare), avoid_overlap=True)
+    side = math.sqrt(sum(area * count for sizes in classes_of_sizes for area, count in sizes) / covered)
+    problem = Problem(Domain((side, side)), classes, Balance(alpha, rare_emphasis=rare), avoid_overlap=True)
     matrix = group_bodies(problem).matrix
     np.testing.assert_array_equal(matrix, matrix.T)
     values = np.linalg.eigvalsh(matrix / np.sqrt(np.outer(matrix.diagonal(), matrix.diagonal())))
