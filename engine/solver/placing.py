@@ -69,6 +69,7 @@ class Placing(ABC, Generic[AnyDescent]):
         model: The compiled problem; another one after an edit.
         next_identity: The identity that the next new body gets.
         bookmarks: What the solver can return to.
+        has_run: Whether a run has come to its end.
         STATE: What a state is here.
     """
 
@@ -79,6 +80,7 @@ class Placing(ABC, Generic[AnyDescent]):
         self.next_identity = int(model.body.identity.max()) + 1
         self.bookmarks = Bookmarks(launcher)
         self._descent: AnyDescent | None = None
+        self.has_run = False
         self._edits = 0
 
     @property
@@ -137,8 +139,12 @@ class Placing(ABC, Generic[AnyDescent]):
         if problem.domain != domain:
             raise ProblemError(f"`domain` must stay what it was in an edit, {domain}; got {problem.domain}")
 
-    def cut(self) -> None:
-        """Drop bodies beyond the domain for good, if any were placed there."""
+    def cut(self, go_on: Callable[[], bool] | None = None) -> None:
+        """Drop bodies beyond the domain for good, if any were placed there.
+
+        Args:
+            go_on: Called now and then; where it returns False nothing more is improved.
+        """
 
     def positions(self) -> np.ndarray:
         """Where the bodies are [m], shape ``[body_count, 2]``; on a surface ``[body_count, 3]``."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -17,6 +18,7 @@ from ..edits.edit import EditInPlane
 from ..edits.given_places import given_poses, lay_outlines
 from ..edits.plane_settling import settle_in_plane
 from ..edits.spread import spread_points
+from ..errors import ProblemError
 from ..model.body_flags import BodyFlags
 from ..model.memory import check_memory
 from ..model.model import Model
@@ -31,11 +33,16 @@ from .choice_of_start import choose_start, number_of_starts
 from .ink import with_widths
 from .placing import EditedBodies, GivenPlaces, Placing
 from .rare_start import rare_starts, start_some
+from .small_among_large import SmallAmongLarge, large_stay, least_large_area, same_bodies, small_among_large
 
 __all__ = ["PlacingInPlane"]
 
 # If an edit changes the number of charges by more than this factor, up or down, the model gets another unit of length.
 MOST_GROWTH = 1.5
+# Steps that bodies take at most that are placed around large ones.
+STEPS_OF_SMALL = 40
+# Steps of these between two questions whether to go on.
+WATCHED_STEPS = 4
 
 
 class PlacingInPlane(Placing[Descent]):
@@ -49,6 +56,7 @@ class PlacingInPlane(Placing[Descent]):
     def __init__(self, model: Model, launcher: Launcher) -> None:
         super().__init__(model, launcher)
         self._border: NaturalBorder | None = None
+        self._is_fresh = False
 
     def new_descent(self) -> Descent:
         """A descent of the model whose bodies are where they start."""
@@ -57,6 +65,7 @@ class PlacingInPlane(Placing[Descent]):
     def start(self, *, afresh: bool) -> None:
         """Make a descent. With a natural border its bodies are also those beyond; of a few the best of several starts is found."""
         problem, placed, rare = self.model.problem, self.model, None
+        self._is_fresh = afresh
         if afresh and problem.rectangle.natural:
             self._border = NaturalBorder(self.launcher, problem)
             problem = self._border.problem
@@ -70,6 +79,7 @@ class PlacingInPlane(Placing[Descent]):
 
     def start_from(self, state: StateArrays) -> None:
         """Continue from another state of the same problem; its values are copied."""
+        self._is_fresh = False
         if self._leave_beyond():
             self._descent = self.new_descent()
         super().start_from(state)
@@ -79,6 +89,7 @@ class PlacingInPlane(Placing[Descent]):
 
         Without given angles and lengths they lie as they did. Of those that were placed beyond a border nothing is known.
         """
+        self._is_fresh = False
         self._leave_beyond()
         before = None if self._descent is None else self._descent.state
         pose = given_poses(self.model, places.position, places.angle, places.length, before)
@@ -91,6 +102,7 @@ class PlacingInPlane(Placing[Descent]):
     def edit(self, problem: Problem) -> EditedBodies:
         """Make the model and the descent of another problem in the same domain, with the bodies that are there."""
         before, old = self.model, self.descent.state
+        small = self._small_among_large()
         problem = problem.with_clumps_of(before.problem)
         ratio = problem.charge_count / before.charge_count
         model = Model(problem, unit=before.unit if 1.0 / MOST_GROWTH < ratio < MOST_GROWTH else None)
@@ -117,19 +129,123 @@ class PlacingInPlane(Placing[Descent]):
         descent.take_over_targets(self.descent)
         self._take(model, descent)
         descent.place_charges()
-        return EditedBodies(carried.came, carried.went, partial(settle_in_plane, descent, carried, before))
+        settle: Callable[[int], None] = partial(settle_in_plane, descent, carried, before)
+        if small is not None:
+            settle = partial(self._settle_small, settle, small)
+        return EditedBodies(carried.came, carried.went, settle)
 
-    def cut(self) -> None:
-        """With a natural border, drop the bodies beyond it and even out the charge along the cut. Does nothing the second time."""
-        if self._border is None:
+    def cut(self, go_on: Callable[[], bool] | None = None) -> None:
+        """With a natural border, drop the bodies beyond it and even out the charge along the cut; nothing the second time.
+
+        Bodies that are much smaller than others are placed around these then.
+
+        Args:
+            go_on: Called now and then; where it returns False small bodies stay where they are.
+        """
+        if self._border is not None:
+            with self.launcher.phase("border"):
+                border, self._border = self._border, None
+                self._descent = go_on_within(self.descent, border, self.model)
+        if self._is_fresh and self.has_run:
+            self._is_fresh = False
+            self._place_small_among_large(go_on)
+
+    def _place_small_among_large(self, go_on: Callable[[], bool] | None) -> None:
+        """Place bodies that are much smaller than others anew, around these; see :mod:`.small_among_large`."""
+        small = self._small_among_large()
+        if small is None:
             return
-        with self.launcher.phase("border"):
-            border, self._border = self._border, None
-            self._descent = go_on_within(self.descent, border, self.model)
+        with self.launcher.phase("small bodies"):
+            around = PlacingInPlane(Model(small.problem), self.launcher)
+            around.start(afresh=True)
+            if around._take_steps(STEPS_OF_SMALL, go_on):
+                around.cut(go_on)
+                self._put(small.rows, around)
+            around.close()
+
+    def _small_among_large(self) -> SmallAmongLarge | None:
+        """What is to be placed around large bodies; None where all are alike, or the large ones leave no place."""
+        model = self.model
+        if not math.isfinite(least_large_area(model.problem)):
+            return None
+        # Ghosts are in no placement, and whom somebody else holds stays where he is.
+        if model.body.flagged and model.body.flags[~model.fixed].any():
+            return None
+        try:
+            small = small_among_large(self.descent.placement())
+            if small is not None:
+                check_memory(small.problem)
+        except ProblemError:
+            # They stay as they came to lie while all moved at once.
+            return None
+        return small
+
+    def _put(self, rows: np.ndarray, around: PlacingInPlane) -> None:
+        """Put bodies where another placing has them."""
+        state, other = self.descent.state, around.descent.state
+        pose = state.pose.numpy().copy()
+        pose[rows, :2] = around.positions() / self.model.unit
+        state.pose.assign(pose)
+        if self.model.footprints.has_outlines:
+            turn = state.turn.numpy().copy()
+            turn[rows] = other.turn.numpy()
+            state.turn.assign(turn)
+        # What steps have learned of the forces is of other places.
+        state.displacement.zero_()
+        state.move.zero_()
+        self.descent.place_charges()
+
+    def _settle_small(self, settle: Callable[[int], None], before: SmallAmongLarge, steps: int) -> None:
+        """Settle after an edit; then small bodies do so around the large ones, as those who were placed around them before.
+
+        Args:
+            settle: Takes so many steps with all bodies.
+            before: What was placed around large bodies before the edit.
+            steps: To take.
+        """
+        stay = large_stay(before.placement, self.descent.placement())
+        if not stay:
+            settle(steps)
+        after = self._small_among_large()
+        if after is None:
+            if stay:
+                settle(steps)
+            return
+        with self.launcher.phase("small bodies"):
+            around = PlacingInPlane(Model(before.problem), self.launcher)
+            around.start_at(GivenPlaces(before.placement.position[before.rows], None, None, None, None))
+            given = np.array(around.model.body.identity)
+            around.edit(after.problem).settle(steps)
+            order = np.argsort(given)
+            place = np.minimum(np.searchsorted(given, around.model.body.identity, sorter=order), len(order) - 1)
+            came = given[order[place]] == around.model.body.identity
+            identity = np.where(came, before.placement.id[before.rows][order[place]], -1)
+            self._put(after.rows[same_bodies(identity, self.model, after.rows)], around)
+            around.close()
+
+    def _take_steps(self, most: int, go_on: Callable[[], bool] | None = None) -> bool:
+        """Take steps until bodies have settled, or ``most`` are taken; return False where ``go_on`` did before."""
+        descent, corrections, step = self.descent, self.corrections(most), 0
+        while step < most:
+            if go_on is not None and not go_on():
+                return False
+            until = corrections[0] if corrections else most
+            many = until - step if go_on is None else min(until - step, WATCHED_STEPS)
+            # Before the second step nothing has shown yet whether bodies rest.
+            many = many if step else 1
+            step += descent.step.play(many, descent.direction.settled(TOLERANCE))
+            rests = step > 1 and descent.direction.residual() < TOLERANCE
+            if corrections and (rests or step >= until):
+                del corrections[0]
+                descent.correct_targets()
+            elif rests:
+                break
+        self.has_run = True
+        return True
 
     def return_to(self, bookmark: Bookmark) -> None:
         """Return to the problem and the bodies of a bookmark, which knows no border."""
-        self._border = None
+        self._border, self._is_fresh = None, False
         super().return_to(bookmark)
 
     def positions(self) -> np.ndarray:

@@ -343,7 +343,9 @@ class Solver:
                 del corrections[0]
                 self._placing.descent.correct_targets()
             elif rests:
+                self._placing.has_run = True
                 return step, True
+        self._placing.has_run = True
         return max_steps, step > 1 and is_settled(self.model, list(residuals))
 
     @property
@@ -386,7 +388,7 @@ class Solver:
 
     def _separate(self, go_on: Callable[[], bool] | None, again: bool) -> bool:
         """Do what :meth:`separate` does."""
-        self._placing.cut()
+        self._placing.cut(go_on)
         self._face(0.0)
         self._placing.keep_least_spacing(go_on)
         if self.descent.contact is None or not self.model.problem.avoid_overlap:
@@ -422,7 +424,8 @@ class Solver:
     def placement(self, *, report: bool = False) -> Placement:
         """Return the bodies where they are now.
 
-        With a natural border, this drops the bodies beyond it for good: later steps treat the border as open.
+        With a natural border, this drops the bodies beyond it for good: later steps treat the border as open. After a :meth:`run`,
+        bodies that are much smaller than others are placed anew around these first; later steps move all of them.
 
         Args:
             report: Whether to measure them, too, as :meth:`measured` does. Of many bodies that takes longer than an edit of a few.
