@@ -3,9 +3,9 @@
 While all move at once, a large body pushes small ones with its charge from its middle, as strongly as its ground asks for in the mean
 over the domain. How densely small ones lie right beside it then depends on how many are asked for just there, and on what a natural
 border has cut off. So, once large ones have their places, small ones are placed again, with the ground of the large ones cut out of
-their densities as that of all obstacles is. Measured on tufts among boulders, errors at one spacing before and after that: .013 and .007
-with an open border, .038 and .008 with a natural one, .090 and .006 where their density rises tenfold. Of three sizes in a crescent
-with a natural border the smallest have .19 and .01.
+their densities as that of all obstacles is. Errors of tufts among boulders at one spacing, before and after that: .013 and .007 with an
+open border, .038 and .008 with a natural one, .090 and .006 where their density rises tenfold. Of three sizes in a crescent with a
+natural border the smallest have .19 and .01.
 """
 
 from __future__ import annotations

@@ -30,8 +30,11 @@ def test_what_jostles_in_a_crowded_place_has_settled_once_nothing_changes():
     # One step in ten is so long that it may hide that.
     assert sum(report.converged for of_seed in reports for report in of_seed) >= 7
     for of_seed in reports:
-        errors = [[entry.coverage_error for entry in report.classes] for report in of_seed]
-        np.testing.assert_allclose(*errors, rtol=0.1)
+        pebbles, boulders = np.array([[entry.coverage_error for entry in report.classes] for report in of_seed]).T
+        # Boulders that are a little elsewhere leave pebbles, which are placed around them, other places.
+        np.testing.assert_allclose(*pebbles, atol=0.015)
+        np.testing.assert_allclose(*boulders, rtol=0.1)
+        assert pebbles.max() < 0.1
     assert not solve(problem, device="cpu", max_steps=4).report.converged
 
 

@@ -34,6 +34,8 @@ def test_small_bodies_that_large_ones_keep_off_are_named_and_what_lets_them_clos
     )
     placement = solve(problem, max_steps=60, device="cpu")
     found = [note for note in placement.report.notes if kind_of(note) == NoteKind.AROUND_LARGER]
+    # In the plane plates are obstacles to discs, unless classes are weighed as in the paper.
+    said = said and (kind == "surface" or rare == 0.0)
     assert len(found) == said
     if said:
         assert '"disc"' in found[0] and '"plate"' not in found[0] and ("lower" in found[0]) == closer
