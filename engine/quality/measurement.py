@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from enum import StrEnum
 from itertools import pairwise
@@ -23,6 +23,7 @@ from ..problem.report import ClassReport, Report, SizeReport
 from ..problem.surface import Surface
 from ..space.support import images_for_kernels
 from . import kernels_spacing
+from .bodies_on_surface import bodies_on_surface
 from .coverage import Coverage
 from .errors_of_few import ErrorsExplained, explain_errors
 from .footprint_areas import footprint_areas
@@ -34,9 +35,16 @@ from .notes import (
     notes_on_overlaps,
     notes_on_places,
     notes_on_what_is_not_parted,
+    solid_bodies,
 )
 from .out_of_place import OutOfPlace, out_of_place
-from .overlaps import Overlaps, overlaps_of, overlaps_of_fixed, overlaps_of_fixed_on_surface
+from .overlaps import (
+    Overlaps,
+    find_overlaps_on_surface,
+    overlaps_of,
+    overlaps_of_fixed,
+    overlaps_of_fixed_on_surface,
+)
 from .spacing import Spacing, measure_spacing
 from .surface_measurement import measure_on_surface
 from .surface_out_of_place import out_of_place_on_surface
@@ -88,9 +96,11 @@ def measure(
     spacing = measure_spacing(bodies, _number_density(bodies, problem.classes))
     overlaps = _overlaps(placement, launcher, footprints, bodies, spacing)
     notes = notes_on_settings(problem) + explained.notes
-    notes += _notes_on_contact(
-        placement, overlaps, covered, misplaced := out_of_place(placement, launcher, footprints), parting
+    misplaced = out_of_place(placement, launcher, footprints)
+    among_solid = _among_solid(
+        placement, overlaps, lambda some: overlaps_of(placement, launcher, footprints, bodies.position, some)
     )
+    notes += _notes_on_contact(placement, overlaps, among_solid, covered, misplaced, parting)
     of_fixed = Overlaps(0)
     if problem.avoid_overlap and np.count_nonzero(placement.fixed) > 1:
         of_fixed = overlaps_of_fixed(placement, launcher, footprints)
@@ -161,12 +171,27 @@ def _overlaps(
     return overlaps_of(placement, launcher, footprints, bodies.position)
 
 
+def _among_solid(placement: Placement, overlaps: Overlaps, look: Callable[[np.ndarray], Overlaps]) -> Overlaps:
+    """What overlaps of solid bodies among themselves where nothing keeps them apart, by what looks at some bodies, shape ``[n]``."""
+    if placement.problem.avoid_overlap or not overlaps.count:
+        return overlaps
+    solid = solid_bodies(placement.problem)
+    if solid.all():
+        return overlaps
+    return look(solid) if solid.any() else Overlaps(0)
+
+
 def _notes_on_contact(
-    placement: Placement, overlaps: Overlaps, covered: float, misplaced: OutOfPlace, parting: Parting
+    placement: Placement,
+    overlaps: Overlaps,
+    among_solid: Overlaps,
+    covered: float,
+    misplaced: OutOfPlace,
+    parting: Parting,
 ) -> list[str]:
     """What is to be said of bodies that lie on each other or where they may not."""
     parted = parting is Parting.DONE
-    notes = notes_on_overlaps(placement, overlaps, covered, parted)
+    notes = notes_on_overlaps(placement, overlaps, among_solid, covered, parted)
     notes += notes_on_places(placement.problem, misplaced, parted)
     if not parted:
         notes += notes_on_what_is_not_parted(placement.problem, overlaps, misplaced, parting is Parting.STOPPED)
@@ -186,7 +211,12 @@ def _report_on_surface(placement: Placement, launcher: Launcher, heat: HeatMeshe
     notes += explained.notes
     overlaps = found.overlaps
     misplaced = out_of_place_on_surface(placement, launcher)
-    notes += _notes_on_contact(placement, overlaps, found.covered, misplaced, parting)
+    among_solid = _among_solid(
+        placement,
+        overlaps,
+        lambda some: find_overlaps_on_surface(placement, bodies_on_surface(placement, launcher), launcher, some),
+    )
+    notes += _notes_on_contact(placement, overlaps, among_solid, found.covered, misplaced, parting)
     notes += notes_on_distant_outlines(placement.problem)
     of_fixed = Overlaps(0)
     if placement.problem.avoid_overlap and np.count_nonzero(placement.fixed) > 1:

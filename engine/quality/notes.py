@@ -12,6 +12,7 @@ from ..problem.notes_on_settings import ONLY_IF, note_on_fit
 from ..problem.placement import Placement
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
+from ..problem.size import Size
 from .out_of_place import OutOfPlace
 from .overlaps import MOST_NAMED, Overlaps
 
@@ -22,6 +23,7 @@ __all__ = [
     "notes_on_overlaps",
     "notes_on_places",
     "notes_on_what_is_not_parted",
+    "solid_bodies",
 ]
 
 # Overlaps of footprints that nobody asked to keep apart are told of where at least this share of the bodies overlap others, and the
@@ -29,12 +31,15 @@ __all__ = [
 MANY, DEEP = 0.05, 0.1
 
 
-def notes_on_overlaps(placement: Placement, overlaps: Overlaps, covered: float, parted: bool = True) -> list[str]:
+def notes_on_overlaps(
+    placement: Placement, overlaps: Overlaps, among_solid: Overlaps, covered: float, parted: bool = True
+) -> list[str]:
     """Say what overlaps or was parted where it is too dense, why, and what helps.
 
     Args:
         placement: What was placed.
         overlaps: What of it overlaps.
+        among_solid: The same of its :func:`solid_bodies` among themselves, where nothing keeps them apart.
         covered: Share of the ground that footprints have come to take.
         parted: Whether it was tried to part what overlaps.
     """
@@ -52,8 +57,8 @@ def notes_on_overlaps(placement: Placement, overlaps: Overlaps, covered: float, 
         notes.append(cover.warning)
     elif (no_room := note_on_fit(problem, covered)) is not None:
         notes.append(no_room)
-    elif cover is None and _is_unwanted(placement, overlaps):
-        pairs = f"{_pairs(overlaps.count, 'overlap')}, the deepest by {overlaps.deepest:.3g} m"
+    elif cover is None and _is_unwanted(placement, among_solid):
+        pairs = f"{_pairs(among_solid.count, 'overlap')}, the deepest by {among_solid.deepest:.3g} m"
         notes.append(Note(f"{pairs}: {ONLY_IF}", NoteKind.MAY_OVERLAP))
     return notes
 
@@ -62,18 +67,33 @@ def _pairs(count: int, overlap: str) -> str:
     return f"1 pair of footprints {overlap}s" if count == 1 else f"{count} pairs of footprints {overlap}"
 
 
-def _is_unwanted(placement: Placement, overlaps: Overlaps) -> bool:
-    """Whether footprints that nobody asked to keep apart overlap so much that somebody will mind, and nothing asked for it.
+def solid_bodies(problem: Problem) -> np.ndarray:
+    """Return which bodies somebody may mind to see in others, shape ``[n]``, bool.
 
-    Lines that cross are hatching. Dots overlap for the tone of a picture where their density was prepared as that of a halftone is,
-    where it asks for more than fits, and where all are alike: they only meet where it is high. Outlines are those of solid things.
+    Lines that cross are hatching. Dots overlap for the tone of a picture where their density was prepared as that of a halftone is.
+    """
+    sizes = [(size.count or 0, _is_solid(c, size)) for c in problem.classes for size in c.sizes]
+    count, is_solid = zip(*sizes, strict=True)
+    return np.repeat(is_solid, count)
+
+
+def _is_solid(body_class: PreparedClass, size: Size) -> bool:
+    return size.line is None and not _is_tone(body_class)
+
+
+def _is_unwanted(placement: Placement, overlaps: Overlaps) -> bool:
+    """Whether solid footprints that nobody asked to keep apart overlap so much that somebody will mind, and nothing asked for it.
+
+    Dots overlap for a tone as well where their density asks for more than fits, and where all are alike: they only meet where it is
+    high. Outlines are those of solid things.
+
+    Args:
+        placement: What was placed.
+        overlaps: What of its solid bodies overlaps among them.
     """
     problem = placement.problem
-    sizes = [(size, size.line is not None or _is_tone(c)) for c in problem.classes for size in c.sizes]
-    solid = [size for size, is_meant in sizes if not is_meant]
-    is_solid = np.repeat([not is_meant for _, is_meant in sizes], [size.count or 0 for size, _ in sizes])
-    overlapping = int(np.count_nonzero(is_solid[list(overlaps.bodies)]))
-    if not overlapping or overlapping < min(MANY * np.count_nonzero(is_solid), MOST_NAMED) or overlaps.pair is None:
+    solid = [size for c in problem.classes for size in c.sizes if _is_solid(c, size)]
+    if len(overlaps.bodies) < min(MANY * sum(size.count or 0 for size in solid), MOST_NAMED) or overlaps.pair is None:
         return False
     pair = list(overlaps.pair)
     if problem.balance.class_separation == 0.0 and len(set(placement.class_index[pair].tolist())) > 1:

@@ -79,13 +79,21 @@ def overlaps_of(
     launcher: Launcher,
     footprints: BodyFootprints | None = None,
     on_device: wp.array | None = None,
+    some: np.ndarray | None = None,
 ) -> Overlaps:
     """Return what overlaps in a placement: the outlines themselves, without the room that they keep from others.
 
-    Where that room is below 1 they may overlap as far as it lets them, which does not count. ``footprints`` are the placement's, and
-    ``on_device`` its positions, ``wp.vec2d``, where somebody has them already.
+    Where that room is below 1 they may overlap as far as it lets them, which does not count.
+
+    Args:
+        placement: The placement.
+        launcher: Where to count.
+        footprints: Those of the placement, where somebody has them already.
+        on_device: Its positions, ``wp.vec2d``, where somebody has them already.
+        some: Between which bodies overlaps count, shape ``[n]``, bool; None for all.
     """
     footprints = footprints or footprints_of_placement(placement)
+    kind, apart = _kinds(placement, some)
     smaller = one_by_one(lambda room: np.minimum(room, 1.0), footprints.room)
     return find_overlaps(
         footprints,
@@ -100,9 +108,18 @@ def overlaps_of(
         bends=placement.bends,
         tilt=footprints.tilts(placement.id, placement.problem.seed),
         on_device=on_device,
-        apart=placement.problem.balance.classes_apart,
-        class_index=placement.class_index,
+        apart=apart,
+        class_index=kind,
     )
+
+
+def _kinds(placement: Placement, some: np.ndarray | None) -> tuple[np.ndarray, np.ndarray | None]:
+    """Kinds of the bodies, and between which of these overlaps count: classes, and a kind for all bodies that are none of ``some``."""
+    apart, number = placement.problem.balance.classes_apart, len(placement.problem.classes)
+    if some is None:
+        return placement.class_index, apart
+    apart = np.ones((number, number), bool) if apart is None else apart
+    return np.where(some, placement.class_index, number), np.pad(apart, (0, 1))
 
 
 def overlaps_of_fixed(placement: Placement, launcher: Launcher, footprints: BodyFootprints) -> Overlaps:
@@ -220,7 +237,9 @@ def overlaps_from(found: np.ndarray, depth: np.ndarray, pair: tuple[int, int], m
     return Overlaps(count, float(depth.max()), (one, other), tuple(middle.tolist()), tuple(named.tolist()))
 
 
-def find_overlaps_on_surface(placement: Placement, bodies: BodiesOnSurface, launcher: Launcher) -> Overlaps:
+def find_overlaps_on_surface(
+    placement: Placement, bodies: BodiesOnSurface, launcher: Launcher, some: np.ndarray | None = None
+) -> Overlaps:
     """Return what overlaps in a placement on a surface, as :func:`overlaps_of` does.
 
     Two outlines are compared where they see each other along one sheet of the surface: in the plane between those that touch it at
@@ -230,7 +249,9 @@ def find_overlaps_on_surface(placement: Placement, bodies: BodiesOnSurface, laun
         placement: The placement.
         bodies: Its bodies, on the device.
         launcher: Where to run.
+        some: Between which bodies overlaps count, shape ``[n]``, bool; None for all.
     """
+    kind, apart = _kinds(placement, some)
     return overlaps_on_sheets(
         bodies,
         footprints_of_placement(placement),
@@ -239,8 +260,8 @@ def find_overlaps_on_surface(placement: Placement, bodies: BodiesOnSurface, laun
         launcher,
         fixed=placement.fixed,
         bends=placement.bends,
-        apart=placement.problem.balance.classes_apart,
-        class_index=placement.class_index,
+        apart=apart,
+        class_index=kind,
     )
 
 

@@ -107,7 +107,7 @@ def test_what_overlaps_on_purpose_is_not_told_of(kind):
 @pytest.mark.parametrize("kind", ["cover", "outlines to cover", "beside lines", "beside a picture"])
 def test_overlaps_are_told_of_however_counts_were_given_and_whatever_else_is_there(kind):
     stones = [Size("large", 18.0, share=0.5), Size("small", 2.0, share=0.5)]
-    boxes = [Size("box", None, 300, footprint=Footprint.rectangle(2.5, 1.5))]
+    boxes = [Size("box", None, 450, footprint=Footprint.rectangle(2.5, 1.5))]
     ink = [Size("line", 1.2, 80, line=Line(4.0, "none", width=0.3))]
     ramp = np.linspace(0.0, 1.0, 64)[None, :]
     problem = {
@@ -123,6 +123,38 @@ def test_overlaps_are_told_of_however_counts_were_given_and_whatever_else_is_the
     }[kind]()
     (note,), report = told(problem)
     assert report.overlaps and note.endswith(NAMED)
+
+
+@pytest.mark.parametrize("domain", [SQUARE, Surface([FLAT])], ids=["plane", "surface"])
+@pytest.mark.parametrize("beside", ["lines", "pictures"])
+def test_what_overlaps_on_purpose_is_not_counted_beside_solid_bodies_that_overlap(domain, beside):
+    boxes = BodyClass("box", [Size("box", None, 3, footprint=Footprint.rectangle(4.0, 3.0))])
+    ink = {
+        "lines": BodyClass("ink", [Size("line", 1.2, 3, line=Line(6.0, "none", width=0.3))]),
+        "pictures": BodyClass("ink", [Size("dot", 12.0, 3)], np.ones((1, 1)), unsharp=Unsharp(1.0, 2.0)),
+    }[beside]
+    placement = solve(Problem(domain, [boxes, ink]), device="cpu", max_steps=2)
+    # Two boxes, one of which all of the ink crosses.
+    x, y = np.array([[10.0, 12.0, 40.0, 10.0, 10.0, 10.2], [10.0, 11.0, 40.0, 10.0, 10.1, 10.0]])
+    if domain is SQUARE:
+        there = replace(placement, position=np.stack([x, y], axis=1), angle=np.zeros(6))
+    else:
+        triangle = np.where(y <= x, 0, 1)
+        corners = np.array([[1.0 - x / SIDE, (x - y) / SIDE, y / SIDE], [1.0 - y / SIDE, x / SIDE, (y - x) / SIDE]])
+        there = replace(
+            placement,
+            position=np.stack([x, y, 0.0 * x], axis=1),
+            tangent=np.tile([1.0, 0.0, 0.0], (6, 1)),
+            mesh=np.zeros(6, np.int32),
+            triangle=triangle.astype(np.int32),
+            barycentric=corners[triangle, :, np.arange(6)],
+        )
+    with closing(Launcher(resolve_device("cpu"))) as launcher:
+        report = measure(there, launcher)
+    assert report.overlaps > 4
+    assert [n for n in report.notes if kind_of(n) == NoteKind.MAY_OVERLAP] == [
+        f"1 pair of footprints overlaps, the deepest by 2 m: {NAMED}"
+    ]
 
 
 @pytest.mark.parametrize(
