@@ -110,6 +110,12 @@ def _check_balance(problem: Problem) -> None:
                     f'`balance.size_emphasis` must have a value for each of the {ranks - 1} larger sizes of class "{c.name}"; '
                     f"got {len(emphasis)}"
                 )
+        # Sizes of equal areas are ranked alike, and may differ by chance only: so more values than ranks are no mistake.
+        most = max(len(c.sizes) for c in problem.classes) - 1
+        if len(emphasis) > most:
+            raise ProblemError(
+                f"`balance.size_emphasis` must have no more values than a class has larger sizes, {most} at most; got {len(emphasis)}"
+            )
 
 
 def _check_lines(problem: Problem) -> None:

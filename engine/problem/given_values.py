@@ -32,6 +32,7 @@ __all__ = [
     "is_real",
     "nearest_name",
     "numbers_of",
+    "perhaps_meant",
     "show",
 ]
 
@@ -164,8 +165,18 @@ def check_unique(names: Sequence[str], what: str) -> None:
 
 def nearest_name(name: str, known: Iterable[str]) -> str:
     """Return how a sentence about a name that is not known ends: with the one that was probably meant, or with all."""
+    known = tuple(known)
+    nearest = _nearest(name, known)
+    return f"did you mean `{nearest}`?" if nearest else f"known are {', '.join(known)}"
+
+
+def perhaps_meant(value: object, words: Sequence[str]) -> str:
+    """Return how a sentence goes on that has said which words there are, and what was given: with the one that was probably meant."""
+    nearest = _nearest(value, words) if isinstance(value, str) else None
+    return f'; did you mean "{nearest}"?' if nearest else ""
+
+
+def _nearest(name: str, known: Sequence[str]) -> str | None:
     import difflib
 
-    known = tuple(known)
-    nearest = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.6)
-    return f"did you mean `{nearest[0]}`?" if nearest else f"known are {', '.join(known)}"
+    return next(iter(difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.6)), None)

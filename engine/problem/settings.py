@@ -17,7 +17,7 @@ from functools import cache
 from typing import Any, Literal, NamedTuple, TypeVar
 
 from ..errors import ProblemError
-from .given_values import as_float, nearest_name, show
+from .given_values import as_float, nearest_name, perhaps_meant, show
 from .validation import check_switch
 
 __all__ = [
@@ -369,7 +369,7 @@ def _check_choice(value: object, key: str, choices: tuple[Choice, ...]) -> str:
     words = [choice.value for choice in choices]
     if not isinstance(value, str) or value not in words:
         accepted = ", ".join(f'"{word}"' for word in words[:-1]) + f' or "{words[-1]}"'
-        raise ProblemError(f"{key} must be {accepted}; got {show(value)}")
+        raise ProblemError(f"{key} must be {accepted}; got {show(value)}{perhaps_meant(value, words)}")
     return value
 
 

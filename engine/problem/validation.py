@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from ..errors import ProblemError, Reason, Refusal
-from .given_values import FOREIGN_ERRORS, as_float, as_reals, is_real, show
+from .given_values import FOREIGN_ERRORS, as_float, as_reals, is_real, perhaps_meant, show
 
 Boundary = Literal["open", "mirror", "natural", "periodic"]
 BOUNDARIES: tuple[Boundary, ...] = ("open", "mirror", "natural", "periodic")
@@ -82,7 +82,7 @@ def check_domain_size(value: object, key: str = "`domain.size`") -> tuple[float,
 def check_boundary(value: object, key: str = "`domain.boundary`") -> Boundary:
     """Return the boundary; raise ProblemError unless it is one of ``BOUNDARIES``."""
     if not isinstance(value, str) or value not in BOUNDARIES:
-        raise ProblemError(f"{key} must be {_either(BOUNDARIES)}; got {show(value)}")
+        raise ProblemError(f"{key} must be {_either(BOUNDARIES)}; got {show(value)}{perhaps_meant(value, BOUNDARIES)}")
     return BOUNDARIES[BOUNDARIES.index(value)]
 
 

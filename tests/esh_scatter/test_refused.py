@@ -214,7 +214,7 @@ OF_SCRIPTS = {
     "problem/density_correction.py correct_density": 1,
     "problem/direction_field.py direction_from_rg": 1,
     "problem/domain.py Domain.__post_init__": 1,
-    "problem/feasibility.py _check_balance": 3,
+    "problem/feasibility.py _check_balance": 4,
     "problem/feasibility.py _check_inset": 2,
     "problem/feasibility.py _check_line_on_surface": 2,
     "problem/feasibility.py check_known_in_rectangles": 3,

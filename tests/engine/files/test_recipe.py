@@ -208,7 +208,7 @@ MISTAKES = {
     "boundary": (
         '"periodic"',
         '"mirrored"',
-        '`domain.boundary` must be "open" or "mirror" or "natural" or "periodic"; got "mirrored"',
+        '`domain.boundary` must be "open" or "mirror" or "natural" or "periodic"; got "mirrored"; did you mean "mirror"?',
     ),
     "domain twice": ("[domain]", "[[domain]]", "`domain` must be one table, under a line [domain]"),
     "alpha": ("0.25", "1.5", "`balance.class_separation` must be a number between 0"),

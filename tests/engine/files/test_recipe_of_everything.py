@@ -12,7 +12,7 @@ avoid_overlap = true
 [domain]
 size = [40.0, 30.0]
 [balance]
-size_emphasis = [2.0, 3.0]
+size_emphasis = [2.0]
 non_overlap = [[1, 0], [0, 1]]
 [[class]]
 name = "stick"
@@ -85,7 +85,7 @@ def test_every_key_of_lines_arrives(folder):
     path = write(folder, LINES)
     problem = read_recipe(path)
     assert problem.avoid_overlap
-    assert problem.balance.size_emphasis == (2.0, 3.0)
+    assert problem.balance.size_emphasis == (2.0,)
     np.testing.assert_array_equal(problem.balance.non_overlap, np.eye(2))
     stick = problem.classes[0]
     # Half of the charge in bodies twice as large: a third of the bodies.
@@ -115,7 +115,7 @@ MISTAKES = {
     "matrix not symmetric": ("[[1, 0], [0, 1]]", "[[1, 0.5], [0, 1]]", "`balance.non_overlap` must be symmetric"),
     "matrix of another size": ("[[1, 0], [0, 1]]", "[[1]]", "must have one row per class, 2; got 1"),
     "emphasis falls": (
-        "[2.0, 3.0]",
+        "[2.0]",
         "[3.0, 2.0]",
         "lower 3 to 2 or less, because with 2 after it the interaction matrix has the eigenvalue",
     ),
@@ -209,7 +209,7 @@ MISTAKES = {
         "must hold one area per body, 3; got 2",
     ),
     "not positive semidefinite": (
-        "[2.0, 3.0]\nnon_overlap = [[1, 0], [0, 1]]",
+        "[2.0]\nnon_overlap = [[1, 0], [0, 1]]",
         "2.0\nclass_separation = 0.9\nnon_overlap = [[1, 0, 1], [0, 1, 1], [1, 1, 1]]",
         "cannot be combined with `class_separation` 0.9, because their interaction matrix would have the eigenvalue -0.273, "
         "which is below 0; lower `class_separation` to 0.707 or less",

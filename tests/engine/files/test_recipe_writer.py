@@ -155,6 +155,8 @@ def problem_with(cls, name, value):
     if cls is Footprints:
         size |= {"area": None, "footprint": Footprints(**{"variants": TWO, **own})}
     classes = [BodyClass(**{**body_class, "sizes": body_class["sizes"] or [Size(**size)]})]
+    if isinstance(value, list) and name == "size_emphasis":
+        classes.append(BodyClass("b", [Size(str(area), area, 4) for area in (0.01, 0.02, 0.03)]))
     if name == "non_overlap":
         classes.append(BodyClass("b", [Size("s", 0.02, 4)]))
     return Problem(

@@ -537,6 +537,8 @@ def test_a_balance_fits_the_classes_and_sizes():
         2.0,
         3.0,
     )
+    with pytest.raises(ProblemError, match="no more values than a class has larger sizes, 2 at most; got 3"):
+        Problem(Domain((1.0, 1.0)), three_sizes, Balance(size_emphasis=[2.0, 3.0, 4.0]))
     with pytest.raises(ProblemError, match='must be one number, because areas of class "a" are a range'):
         Problem(Domain((1.0, 1.0)), [BodyClass("a", [Size("r", (1.0, 2.0), 3)])], Balance(size_emphasis=[2.0, 3.0]))
     with pytest.raises(

@@ -351,6 +351,16 @@ def test_rare_classes_are_as_even_as_if_they_were_alone_and_all_are_even_togethe
     assert (union <= together * union_before).all()
 
 
+def test_a_list_of_size_emphases_is_for_the_classes_that_have_as_many_sizes():
+    """Rare ones, of fewer sizes, are spread before the others."""
+    classes = [
+        BodyClass("many", [Size(str(area), area, 100) for area in (0.1, 0.2, 0.3)]),
+        BodyClass("rare", [Size("s", 0.1, 7)]),
+    ]
+    placement = solve(Problem(Domain((20.0, 20.0)), classes, Balance(size_emphasis=[2.0, 3.0])), max_steps=5)
+    assert np.bincount(placement.class_index).tolist() == [300, 7]
+
+
 def test_rare_bodies_start_where_they_may_be_and_are_placed_exactly():
     """With all that makes a class another one: obstacles, clumps, what is fixed, inks that may overlap, lines."""
     half = np.zeros((8, 8))
