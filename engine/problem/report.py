@@ -50,12 +50,13 @@ class ClassReport:
     Attributes:
         name: Name of the class.
         coverage_error: :func:`~esh.engine.quality.coverage.coverage_error` of the class alone, at k = 1. Where overlap is avoided,
-            nothing is asked for on the ground of bodies of other classes that are at least nine times as large as its own.
+            nothing is asked for on the ground of bodies that are at least nine times as large. If these are of the class as well,
+            they are measured by themselves, and this is the mean of both errors, weighted by footprints.
         sizes: One entry for each size.
         smallest_spacing: Smallest distance between two of its bodies, over the hexagonal spacing of the class alone. None with fewer
             than two bodies, and on surfaces.
         order: Mean sixfold order of its bodies alone, see :attr:`Report.order`.
-        kept_off: Whether much larger bodies of other classes keep it off part of the ground, which makes its coverage error large.
+        kept_off: Whether much larger bodies keep it off part of the ground, which makes its coverage error large.
     """
 
     name: str

@@ -69,15 +69,15 @@ class Coverage:
     Args:
         bodies: The bodies.
         charge: Their charges, shape ``[n]``.
-        class_index: Their classes, shape ``[n]``.
+        group: Which group each belongs to, shape ``[n]``: those of a class that are measured together.
     """
 
-    def __init__(self, bodies: MeasuredBodies, charge: np.ndarray, class_index: np.ndarray) -> None:
+    def __init__(self, bodies: MeasuredBodies, charge: np.ndarray, group: np.ndarray) -> None:
         self.launcher, self.domain = bodies.launcher, bodies.domain
         self._bodies = bodies
-        several = bool(class_index.any())
-        self._total = np.bincount(class_index, weights=charge) if several else np.array([charge.sum()])
-        self._count = np.bincount(class_index) if several else np.array([len(class_index)])
+        several = bool(group.any())
+        self._total = np.bincount(group, weights=charge) if several else np.array([charge.sum()])
+        self._count = np.bincount(group) if several else np.array([len(group)])
         longer = max(self.domain.size)
         cell = longer / comparison_cells(self.domain, bodies.count)
         columns, rows = (max(1, round(length / cell)) for length in self.domain.size)
@@ -90,13 +90,13 @@ class Coverage:
         self._unit = mean / kernels_coverage.CLOUD_SCALE
         in_units = one_by_one(lambda values: (values / mean).astype(np.float32), charge)
         self._charge = self.launcher.alike(in_units, float)
-        self._class = self.launcher.array(class_index, wp.int32)
+        self._group = self.launcher.array(group, wp.int32)
         self._shared: tuple[np.ndarray, wp.array] | None = None
-        # One grid for all classes in turn: there may be many of them.
+        # One grid for all groups in turn: there may be many of them.
         self._grid = self.launcher.zeros(rows * columns, wp.int64)
 
     def error(self, targets: Sequence[Target], one: int | None = None, k: float = 1.0) -> float:
-        """:func:`coverage_error` of class ``one``, or else of all together, beside what the targets add up to."""
+        """:func:`coverage_error` of group ``one``, or else of all together, beside what the targets add up to."""
         launcher, cells = self.launcher, self.shape[0] * self.shape[1]
         difference = self._difference(targets, one, k, self._charge)
         block = CELLS_ON_GPU if launcher.device.is_cuda else self.shape[1]
@@ -116,7 +116,7 @@ class Coverage:
         return np.ascontiguousarray(free[::-1])
 
     def excess(self, some: np.ndarray, targets: Sequence[Target], one: int) -> float:
-        """Return what is left of the :meth:`error` of a class whatever bodies there are beside ``some``, a truth value for each.
+        """Return what is left of the :meth:`error` of a group whatever bodies there are beside ``some``, a truth value for each.
 
         It is made where these alone are more than the target: others only add to that.
         """
@@ -194,7 +194,7 @@ class Coverage:
             [
                 self._bodies.pose,
                 charge,
-                self._class,
+                self._group,
                 one,
                 *self.shape,
                 self._bodies.space.for_kernels(),

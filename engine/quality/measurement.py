@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from enum import StrEnum
-from itertools import pairwise
 
 import numpy as np
 import warp as wp
@@ -27,6 +26,7 @@ from .bodies_on_surface import bodies_on_surface
 from .coverage import Coverage
 from .errors_of_few import ErrorsExplained, explain_errors
 from .footprint_areas import footprint_areas
+from .groups_by_area import bodies_by_class, groups_by_area
 from .measured_bodies import MeasuredBodies, measured_bodies
 from .notes import (
     notes_on_distant_outlines,
@@ -89,8 +89,8 @@ def measure(
     has_lines = any(size.line is not None for c in problem.classes for size in c.sizes) and placement.width.any()
     axes = (placement.angle, placement.length) if has_lines else ()
     bodies = measured_bodies(launcher, domain, placement.position, *axes)
-    errors, whole, explained = _coverage_errors(placement, bodies, area)
     footprints = footprints_of_placement(placement)
+    errors, whole, explained = _coverage_errors(placement, bodies, area, footprints)
     ground = domain.area * share_of_ground([c.density_image for c in problem.classes])
     covered = float(footprint_areas(placement, footprints, area).sum() / ground)
     spacing = measure_spacing(bodies, _number_density(bodies, problem.classes))
@@ -138,22 +138,29 @@ def measure(
 
 
 def _coverage_errors(
-    placement: Placement, bodies: MeasuredBodies, area: np.ndarray
+    placement: Placement, bodies: MeasuredBodies, area: np.ndarray, footprints: BodyFootprints
 ) -> tuple[list[float], float, ErrorsExplained]:
     """Coverage errors of the classes and of all bodies together, and why they are large."""
-    coverage, classes = Coverage(bodies, area, placement.class_index), placement.problem.classes
-    charges = [sum((s.count or 0) * s.mean_area for s in c.sizes) for c in classes]
-    targets = [(c.density_image, charge) for c, charge in zip(classes, charges, strict=True)]
-    errors = []
-    for one, (image, charge) in enumerate(targets):
-        taken = taken_ground(placement, bodies.launcher, one)
-        errors.append(coverage.error([(image if taken is None else coverage.beside(image, taken), charge)], one))
-    whole = coverage.error(targets) if len(errors) > 1 else errors[0]
+    groups, classes = groups_by_area(placement, area), placement.problem.classes
+    coverage = Coverage(bodies, area, groups.index)
+    targets = [(c.density_image, sum((s.count or 0) * s.mean_area for s in c.sizes)) for c in classes]
+    beside = []
+    for group, c in enumerate(groups.of_class):
+        image, charge = targets[c]
+        taken = taken_ground(placement, bodies.launcher, groups, group, area, footprints)
+        beside.append([(image if taken is None else coverage.beside(image, taken), charge)])
+    of_groups = [coverage.error(target, group) for group, target in enumerate(beside)]
+    whole = coverage.error(targets) if len(of_groups) > 1 else of_groups[0]
 
     def excess(k: int) -> float:
-        return coverage.excess(placement.fixed, [targets[k]], k)
+        made = [
+            coverage.excess(placement.fixed, target, group) if groups.of_class[group] == k else 0.0
+            for group, target in enumerate(beside)
+        ]
+        return groups.of_classes(made)[k]
 
-    return errors, whole, explain_errors(placement, area, errors, whole, excess)
+    errors = groups.of_classes(of_groups)
+    return errors, whole, explain_errors(placement, area, groups, errors, whole, excess)
 
 
 def _overlaps(
@@ -207,7 +214,7 @@ def _report_on_surface(placement: Placement, launcher: Launcher, heat: HeatMeshe
         notes.append(INWARDS)
     if isinstance(surface, Surface) and surface.repeated:
         notes.append(REPEATED)
-    explained = explain_errors(placement, placement.area, found.errors, found.whole, found.excess)
+    explained = explain_errors(placement, placement.area, found.groups, found.errors, found.whole, found.excess)
     notes += explained.notes
     overlaps = found.overlaps
     misplaced = out_of_place_on_surface(placement, launcher)
@@ -263,18 +270,9 @@ def _class_reports(
             kept_off=i in kept_off,
         )
         for i, (c, of_class) in enumerate(
-            zip(problem.classes, _bodies_by_class(class_index, len(problem.classes)), strict=True)
+            zip(problem.classes, bodies_by_class(class_index, len(problem.classes)), strict=True)
         )
     )
-
-
-def _bodies_by_class(class_index: np.ndarray, classes: int) -> list[slice]:
-    """Bodies of every class, which come one class after the other."""
-    if classes == 1 and class_index[-1:].sum() == 0:
-        return [slice(0, len(class_index))]
-    # Of another type NumPy would make a copy of the whole table.
-    first = np.searchsorted(class_index, np.arange(classes + 1, dtype=class_index.dtype)).tolist()
-    return [slice(begin, end) for begin, end in pairwise(first)]
 
 
 def _placed(size_index: np.ndarray) -> list[int]:
@@ -290,7 +288,7 @@ def _of_spacing(spacing: Spacing | None) -> tuple[float | None, float | None]:
 
 def _spacing_of_class(placement: Placement, index: int, launcher: Launcher) -> Spacing | None:
     """How far the bodies of a class are apart, beside the spacing of the class alone."""
-    own = _bodies_by_class(placement.class_index, index + 1)[index]
+    own = bodies_by_class(placement.class_index, index + 1)[index]
     bodies = measured_bodies(launcher, placement.problem.rectangle, placement.position[own])
     return measure_spacing(bodies, _number_density(bodies, placement.problem.classes[index : index + 1]))
 

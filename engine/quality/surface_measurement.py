@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,15 +11,19 @@ import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..device.summaries import least_and_number, median_of_least
-from ..heat.heat_mesh import HeatMeshes
+from ..heat.heat_mesh import HeatMesh, HeatMeshes
+from ..problem.body_footprints import BodyFootprints
 from ..problem.cover import ground_on_surface
 from ..problem.of_bodies import of_all
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
+from ..problem.prepared_class import PreparedClass
 from ..problem.surface import PointsOnSurface, Surface
+from ..problem.surface_density import SurfaceDensity
 from . import kernels_surface_spacing
 from .bodies_on_surface import BodiesOnSurface, bodies_on_surface
 from .footprint_areas import footprint_areas
+from .groups_by_area import GroupsByArea, bodies_by_class, groups_by_area
 from .overlaps import Overlaps, find_overlaps_on_surface
 from .sheets import sheets_of
 from .spacing import HEXAGONAL_SPACING
@@ -45,6 +49,7 @@ class SurfaceFigures(NamedTuple):
     """What is measured of a placement on a surface; see :class:`~esh.engine.problem.report.Report`.
 
     Attributes:
+        groups: Which bodies are measured together.
         errors: Coverage error of every class.
         whole: Of all bodies together.
         smallest: Smallest spacing over that of a hexagonal lattice; None where no two bodies are neighbors.
@@ -55,6 +60,7 @@ class SurfaceFigures(NamedTuple):
         excess: Returns which part of the coverage error of a class is made where fixed bodies are more than its density asks for.
     """
 
+    groups: GroupsByArea
     errors: list[float]
     whole: float
     smallest: float | None
@@ -70,59 +76,88 @@ def measure_on_surface(placement: Placement, launcher: Launcher, meshes: HeatMes
     problem, surface = placement.problem, placement.problem.domain
     assert isinstance(surface, Surface)
     bodies, area = bodies_on_surface(placement, launcher), placement.area
-    errors, whole, excess = _coverage_errors(placement, bodies, meshes or HeatMeshes(launcher, surface), launcher)
+    groups, footprints = groups_by_area(placement, area), footprints_of_placement(placement)
+    beside = [_density_beside(placement, bodies, groups, k, area, footprints, launcher) for k in range(len(groups.own))]
+    meshes = meshes or HeatMeshes(launcher, surface)
+    errors, whole, excess = _coverage_errors(placement, bodies, meshes, groups, area, beside)
     share, _ = ground_on_surface(problem, surface, 0.0)
-    footprints = footprint_areas(placement, footprints_of_placement(placement), area)
-    covered = float(footprints.sum() / (surface.area * max(share, 1e-9)))
+    taken = float(footprint_areas(placement, footprints, area).sum())
+    covered = taken / (surface.area * max(share, 1e-9))
     smallest, closest, usual = _spacing(placement, bodies, launcher) or (None, None, None)
     overlaps = find_overlaps_on_surface(placement, bodies, launcher)
-    return SurfaceFigures(errors, whole, smallest, closest, usual, overlaps, covered, excess)
+    return SurfaceFigures(groups, errors, whole, smallest, closest, usual, overlaps, covered, excess)
 
 
 def _coverage_errors(
-    placement: Placement, bodies: BodiesOnSurface, meshes: HeatMeshes, launcher: Launcher
+    placement: Placement,
+    bodies: BodiesOnSurface,
+    meshes: HeatMeshes,
+    groups: GroupsByArea,
+    area: np.ndarray,
+    beside: Sequence[SurfaceDensity | None],
 ) -> tuple[list[float], float, Callable[[int], float]]:
-    """Coverage errors of all classes, and of all bodies together; and what tells the ``excess`` of a class."""
-    problem, area, class_index = placement.problem, placement.area, placement.class_index
-    n = len(area)
-    mesh = meshes.of(n)
-    last = np.searchsorted(class_index, np.arange(len(problem.classes)), side="right")
-    targets, charges, totals, errors = [], [], [], []
-    for k, body_class in enumerate(problem.classes):
-        # Bodies come one class after the other.
-        own = slice(int(last[k - 1]) if k else 0, int(last[k]))
+    """Coverage errors of all classes, and of all bodies together; and what tells the ``excess`` of a class.
+
+    ``beside`` are the densities of the groups beside larger bodies; None where there are none.
+    """
+    classes, n = placement.problem.classes, len(area)
+    mesh, standing = meshes.of(n), [bodies.points.triangle[own] for own in groups.own]
+    count, of_class = [len(own) for own in standing], bodies_by_class(placement.class_index, len(classes))
+
+    def charges(group: int, on: HeatMesh, amount: np.ndarray) -> wp.array:
+        own = of_class[groups.of_class[group]]
+        of_group = np.where(groups.index[own] == group, amount[own], 0.0)
+        return on.deposit.charges(bodies.triangle[own], bodies.barycentric[own], of_group)
+
+    targets, of_all_groups, errors = [], [], []
+    for group, total in enumerate(groups.total):
+        body_class = classes[groups.of_class[group]]
         density = body_class.density_on if body_class.varies_on_surface else None
-        standing = bodies.points.triangle[own] if density is not None else None
-        targets.append(mesh.target(density, standing))
-        charges.append(mesh.deposit.charges(bodies.triangle[own], bodies.barycentric[own], area[own]))
-        totals.append(float(area[own].sum()))
-        charge, target, coarser = charges[k], targets[k], meshes.of(_count_of_mesh(body_class.body_count, n))
-        beside = _density_beside(placement, bodies, k, launcher)
+        targets.append(mesh.target(density, standing[group] if density else None))
+        of_all_groups.append(charges(group, mesh, area))
+        charge, target, coarser = of_all_groups[group], targets[group], meshes.of(_count_of_mesh(count[group], n))
+        here = beside[group] or density
         if coarser is not mesh:
-            charge = coarser.deposit.charges(bodies.triangle[own], bodies.barycentric[own], area[own])
-        if beside is not None or coarser is not mesh:
-            target = coarser.target(beside or density, bodies.points.triangle[own] if beside else standing)
-        errors.append(coarser.error(charge, totals[k], target, body_class.body_count))
+            charge = charges(group, coarser, area)
+        if here is not density or coarser is not mesh:
+            target = coarser.target(here, standing[group] if here else None)
+        errors.append(coarser.error(charge, total, target, count[group]))
 
     def excess(k: int) -> float:
-        # On the mesh of all: where a class has another one, its bodies are few and their errors alike on both.
-        own = slice(int(last[k - 1]) if k else 0, int(last[k]))
-        charge = np.where(placement.fixed[own], area[own], 0.0)
-        fixed = mesh.deposit.charges(bodies.triangle[own], bodies.barycentric[own], charge)
-        return mesh.excess(fixed, totals[k], targets[k], problem.classes[k].body_count)
+        # On the mesh of all: where a group has another one, its bodies are few and their errors alike on both.
+        fixed, made = np.where(placement.fixed, area, 0.0), np.zeros(len(errors))
+        for group in np.flatnonzero(np.equal(groups.of_class, k)).tolist():
+            here = beside[group]
+            target = targets[group] if here is None else mesh.target(here, standing[group])
+            made[group] = mesh.excess(charges(group, mesh, fixed), groups.total[group], target, count[group])
+        return groups.of_classes(made.tolist())[k]
 
     if len(errors) == 1:
         return errors, errors[0], excess
-    amount = np.array([sum((s.count or 0) * s.mean_area for s in c.sizes) for c in problem.classes])
-    target, charge = mesh.mixed(targets, (amount / amount.sum()).tolist()), mesh.mixed(charges, [1.0] * len(charges))
-    return errors, mesh.error(charge, sum(totals), target, n), excess
+    target = mesh.mixed(targets, _shares(classes, groups))
+    charge = mesh.mixed(of_all_groups, [1.0] * len(errors))
+    return groups.of_classes(errors), mesh.error(charge, sum(groups.total), target, n), excess
+
+
+def _shares(classes: Sequence[PreparedClass], groups: GroupsByArea) -> list[float]:
+    """Return which share of all that is asked for each group is: that of its class, by what bodies take."""
+    amount = np.array([sum((s.count or 0) * s.mean_area for s in c.sizes) for c in classes])
+    of_class = (amount / amount.sum())[groups.of_class]
+    return (of_class * (groups.total / np.bincount(groups.of_class, groups.total)[groups.of_class])).tolist()
 
 
 def _density_beside(
-    placement: Placement, bodies: BodiesOnSurface, class_index: int, launcher: Launcher
-) -> Callable[[PointsOnSurface], np.ndarray] | None:
-    """Density of a class at points, without the ground that large bodies of others take; None where hardly any or nearly all is."""
-    taken, body_class = taken_ground(placement, launcher, class_index), placement.problem.classes[class_index]
+    placement: Placement,
+    bodies: BodiesOnSurface,
+    groups: GroupsByArea,
+    group: int,
+    area: np.ndarray,
+    footprints: BodyFootprints,
+    launcher: Launcher,
+) -> SurfaceDensity | None:
+    """Density of a group at points, without the ground that large bodies take from it; None where hardly any or nearly all is."""
+    taken = taken_ground(placement, launcher, groups, group, area, footprints)
+    body_class = placement.problem.classes[groups.of_class[group]]
     if taken is None:
         return None
 

@@ -1,6 +1,6 @@
-"""Ground that large bodies of other classes take, where small ones cannot be.
+"""Ground that large bodies take, where small ones cannot be.
 
-A class of small bodies is as even as it can be where it has its density beside the large ones. So its coverage error counts the
+Small bodies are as even as they can be where they have their density beside the large ones. So their coverage error counts the
 ground of these as it counts that of obstacles: nothing is asked for there.
 """
 
@@ -17,9 +17,9 @@ from ..problem.body_footprints import CAPSULE, BodyFootprints
 from ..problem.domain import Domain
 from ..problem.ground_of_large import LARGE, ground_radius
 from ..problem.placement import Placement
-from ..problem.placement_footprints import footprints_of_placement
 from ..problem.surface import PointsOnSurface, Surface
 from . import kernels_taken_ground
+from .groups_by_area import GroupsByArea
 from .sheets import sheets_of
 
 __all__ = ["LEAST_FREE", "TakenGround", "taken_ground"]
@@ -116,27 +116,39 @@ class TakenGround:
         return free.numpy().astype(np.float64)
 
 
-def taken_ground(placement: Placement, launcher: Launcher, class_index: int) -> TakenGround | None:
-    """Return the ground that large bodies of other classes take from one; None where there are none.
+def taken_ground(
+    placement: Placement,
+    launcher: Launcher,
+    groups: GroupsByArea,
+    group: int,
+    area: np.ndarray,
+    footprints: BodyFootprints,
+) -> TakenGround | None:
+    """Return the ground that large bodies take from a group of others; None where there are none.
 
     They are longer than wide by as much as their outlines: each is taken for a capsule of its width and area.
+
+    Args:
+        placement: The placement.
+        launcher: Runs the kernels.
+        groups: Its bodies, as they are measured together.
+        group: Of which of these groups.
+        area: Footprints of all bodies [m²], shape ``[n]``.
+        footprints: Their outlines.
     """
-    problem = placement.problem
-    if not problem.avoid_overlap or len(problem.classes) < 2:
+    problem, own = placement.problem, groups.own[group]
+    if not problem.avoid_overlap or len(groups.own) < 2 or not len(area[own]):
         return None
-    area, of_class = placement.area, placement.class_index
-    own = of_class == class_index
-    if not own.any():
-        return None
-    large = ~own & (area >= LARGE * float(area[own].mean()))
+    class_index = groups.of_class[group]
+    large = (groups.index != group) & (area >= LARGE * float(area[own].mean()))
     if problem.balance.classes_apart is not None:
-        large &= problem.balance.classes_apart[class_index][of_class]
+        large &= problem.balance.classes_apart[class_index][placement.class_index]
     if not large.any():
         return None
-    some, footprints = np.flatnonzero(large), footprints_of_placement(placement)
-    sizes = problem.classes[class_index].sizes
+    some, body_class = np.flatnonzero(large), problem.classes[class_index]
     around = np.average(
-        [ground_radius(problem.classes[class_index], s) for s in sizes], weights=[s.count or 0 for s in sizes]
+        [ground_radius(body_class, size) for size in body_class.sizes],
+        weights=np.bincount(placement.size_index[own], minlength=len(body_class.sizes)),
     )
     along, length, radius, shift = _as_capsules(placement, footprints, some)
     half = 0.5 * length[:, None] * along

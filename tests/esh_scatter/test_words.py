@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from esh.engine.problem.cover import Cover
 from esh.engine.problem.note import Note, NoteKind
-from esh.engine.quality.errors_of_few import classes_kept_off, notes_on_areas, notes_on_larger_classes
+from esh.engine.quality.errors_of_few import groups_kept_off, notes_on_areas, notes_on_larger_classes
 from esh.esh_scatter.result import words
 
 
@@ -99,10 +99,10 @@ def test_where_the_figure_tells_of_large_objects_only_nothing_is_called_uneven()
 def test_grass_that_trees_keep_off_is_not_uneven_and_it_is_said_what_helps():
     area, index = np.repeat([1.0, 1e-3], [20, 3000]), np.repeat([0, 1], [20, 3000])
     every = np.ones((2, 2), bool)
-    assert classes_kept_off(area, index, [0.01, 1.0], every) == [1]
+    assert groups_kept_off(area, index, [0.01, 1.0], every) == [1]
     found = notes_on_larger_classes(["Grass"], mixed=True)
     told = report(error=1.0, alone=1.0, converged=False, notes=found)
-    said = 'Much larger objects of other classes keep "Grass" off part of the ground, or crowd it beside them, which counts as uneven'
+    said = 'Much larger objects keep "Grass" off part of the ground, or crowd it beside them, which counts as uneven'
     assert words.notes(told) == [f"{said}; a lower Mix Classes lets them closer"]
     assert words.summary(told) == "1,042 placed · no overlap · 0.8 s"
     found = notes_on_larger_classes(["Grass"], mixed=False)
@@ -112,8 +112,8 @@ def test_grass_that_trees_keep_off_is_not_uneven_and_it_is_said_what_helps():
     assert notes_on_larger_classes([], mixed=True) == []
     # Not where it is even, nor where the others are as large or fill no ground.
     for own, errors in ((area, [0.01, 0.1]), (np.ones(3020), [0.01, 1.0]), (np.where(index, area, 0.01), [0.01, 1.0])):
-        assert classes_kept_off(own, index, errors, every) == []
-    assert classes_kept_off(area, index, [0.01, 1.0], np.eye(2, dtype=bool)) == []
+        assert groups_kept_off(own, index, errors, every) == []
+    assert groups_kept_off(area, index, [0.01, 1.0], np.eye(2, dtype=bool)) == []
 
 
 def test_beside_grass_that_trees_keep_off_others_that_are_uneven_are_named():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from esh import Balance, BodyClass, Domain, Problem, Size, Surface, SurfaceMesh, solve
+from esh import Balance, BodyClass, Domain, FixedBodies, Problem, Size, Surface, SurfaceMesh, solve
 from esh.engine.problem.note import NoteKind, kind_of
 from esh.engine.quality.errors_of_few import notes_on_all_together
 
@@ -69,5 +69,22 @@ def test_all_together_are_no_matter_of_one_class_alone_nor_of_equal_bodies():
     (beside_kept_off,) = notes_on_all_together(large_and_small, [0.02], 1.9, judged=False)
     assert said == f"{beside_kept_off}; judge each class by its own"
     assert notes_on_all_together(large_and_small, [1.9], 1.9) == []
-    assert notes_on_all_together(large_and_small, [0.01, 0.3], 1.9) == []
+    assert notes_on_all_together(large_and_small, [0.01, 0.3], 1.9) == [said]
+    assert notes_on_all_together(large_and_small, [0.01, 1.0], 1.9) == []
     assert notes_on_all_together(np.ones(3020), [0.01, 0.02], 1.9) == []
+
+
+@pytest.mark.parametrize("kind", ["plane", "surface"])
+@pytest.mark.parametrize("apart", [True, False])
+def test_fixed_bodies_are_not_blamed_where_any_body_of_their_size_is_a_heavy_spot(kind, apart):
+    x, y = np.array([[0.7, 2.8, 1.7], [0.7, 0.8, 2.7]])
+    height = 0.3 * np.minimum(x, y) / 3.5
+    places = np.stack([x, y] if kind == "plane" else [x, y, height], axis=1)
+    sizes = [Size("plate", 0.15, 4), Size("disc", 0.0002, 1500)]
+    fixed = [FixedBodies(places, area=0.15, size="plate")]
+    problem = Problem(ground(kind), [BodyClass("all", sizes)], fixed=fixed, include_fixed=True, avoid_overlap=apart)
+    report = solve(problem, max_steps=60, device="cpu").report
+    assert not [note for note in report.notes if "fixed" in note]
+    assert (report.classes[0].coverage_error > 1.0) != apart and report.coverage_error > 1.0
+    (said,) = [note for note in report.notes if kind_of(note) in (NoteKind.ERROR_OF_FEW, NoteKind.ALL_TOGETHER)]
+    assert kind_of(said) == (NoteKind.ALL_TOGETHER if apart else NoteKind.ERROR_OF_FEW)

@@ -1,4 +1,4 @@
-"""A class's coverage error counts the ground that large bodies of others take as that of obstacles."""
+"""A coverage error counts the ground that large bodies take from small ones as that of obstacles."""
 
 import math
 from dataclasses import replace
@@ -22,6 +22,8 @@ from esh import (
 )
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
+from esh.engine.problem.placement_footprints import footprints_of_placement
+from esh.engine.quality.groups_by_area import groups_by_area
 from esh.engine.quality.taken_ground import taken_ground
 
 SIDE, SMALL = 20.0, 0.1
@@ -40,6 +42,12 @@ def among(large, domain=None, *, apart=True, **settings):
     return Problem(domain or Domain((SIDE, SIDE)), classes, avoid_overlap=apart)
 
 
+def taken_from(placement, launcher, group):
+    area = placement.area
+    groups = groups_by_area(placement, area)
+    return taken_ground(placement, launcher, groups, group, area, footprints_of_placement(placement))
+
+
 def as_capsule(outline, position, angle, *, factor=1.0, away=0.0):
     """The capsule of an outline's width and area about its middle, as a polygon."""
     low, high = outline.corners.min(axis=0), outline.corners.max(axis=0)
@@ -56,7 +64,7 @@ def test_in_a_rectangle_it_is_that_of_outlines_where_they_lie(launcher, periodic
     large = Size("s", None, 8, footprint=Footprints([outline], turn="random", scale_jitter=0.3))
     problem = among(large, Domain((SIDE, SIDE), "periodic" if periodic else "open"), room=room, gap=gap)
     placement = solve(problem, device="cpu", max_steps=20)
-    taken = taken_ground(placement, launcher, 1)
+    taken = taken_from(placement, launcher, 1)
     free = taken.in_cells(problem.rectangle, (400, 400))
     own = placement.class_index == 0
     poses = zip(placement.position[own], placement.angle[own], placement.scale[own], strict=True)
@@ -73,7 +81,7 @@ def test_in_a_rectangle_it_is_that_of_outlines_where_they_lie(launcher, periodic
 def test_lines_are_capsules_as_they_came_to_be(launcher):
     line = Size("s", 1.0, 10, line=Line(length=3.0, direction="none", width=0.4))
     placement = solve(among(line), device="cpu", max_steps=20)
-    free = taken_ground(placement, launcher, 1).in_cells(placement.problem.rectangle, (400, 400))
+    free = taken_from(placement, launcher, 1).in_cells(placement.problem.rectangle, (400, 400))
     own = placement.class_index == 0
     along = np.stack([np.cos(placement.angle[own]), np.sin(placement.angle[own])], axis=1)
     half, middle = 0.5 * placement.length[own, None] * along, placement.position[own]
@@ -105,10 +113,10 @@ def test_on_a_surface_it_is_the_same_as_in_the_plane(launcher):
             barycentric=None,
             mesh=None,
         )
-        free = taken_ground(flat, launcher, 1).in_cells(flat.problem.rectangle, (800, 800))
+        free = taken_from(flat, launcher, 1).in_cells(flat.problem.rectangle, (800, 800))
         points = surface.sample()
         cell = np.minimum((points.position[:, :2] / SIDE * 800).astype(int), 799)
-        found = taken_ground(placement, launcher, 1).at(points)
+        found = taken_from(placement, launcher, 1).at(points)
         assert 0.02 < np.mean(found == 0.0) < 0.5
         assert np.mean(found != free[cell[:, 1], cell[:, 0]]) < 0.005
 
@@ -116,7 +124,7 @@ def test_on_a_surface_it_is_the_same_as_in_the_plane(launcher):
 def test_what_stands_on_the_other_side_of_a_board_takes_nothing(launcher):
     board = trimesh.creation.box((SIDE, SIDE, 0.05))
     placement = solve(among(Size("s", 4.0, 4), Surface(SurfaceMesh(board.vertices, board.faces))), device="cpu")
-    taken = taken_ground(placement, launcher, 1)
+    taken = taken_from(placement, launcher, 1)
     points = placement.problem.domain.sample()
     own = placement.class_index == 0
     for up in (1.0, -1.0):
@@ -137,7 +145,7 @@ def test_what_stands_on_a_shelf_takes_nothing_of_the_next_one(launcher):
     )
     placement = solve(among(Size("s", 4.0, 8), shelves), device="cpu", max_steps=20)
     points, own = shelves.sample(), placement.class_index == 0
-    free = taken_ground(placement, launcher, 1).at(points)
+    free = taken_from(placement, launcher, 1).at(points)
     for low, high in ((-0.1, 0.1), (0.4, 0.6)):
         here = (points.position[:, 2] > low) & (points.position[:, 2] < high)
         stand = placement.position[own]
@@ -150,12 +158,12 @@ def test_what_stands_on_a_shelf_takes_nothing_of_the_next_one(launcher):
 def test_it_is_counted_where_classes_keep_apart_and_bodies_are_much_larger(launcher):
     large = Size("s", 4.0, 6)
     placement = solve(among(large), device="cpu", max_steps=30)
-    assert taken_ground(placement, launcher, 1) is not None and taken_ground(placement, launcher, 0) is None
+    assert taken_from(placement, launcher, 1) is not None and taken_from(placement, launcher, 0) is None
     may_overlap = Problem(
         Domain((SIDE, SIDE)), placement.problem.classes, Balance(non_overlap=np.eye(2)), avoid_overlap=True
     )
     for problem in (among(large, apart=False), may_overlap, among(Size("s", 8.9 * math.pi * SMALL**2, 6))):
-        assert taken_ground(solve(problem, device="cpu", max_steps=2), launcher, 1) is None
+        assert taken_from(solve(problem, device="cpu", max_steps=2), launcher, 1) is None
 
 
 @pytest.mark.parametrize("on_surface", [False, True])
