@@ -8,8 +8,8 @@ and these by themselves.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,8 @@ from ..problem.placement import Placement
 __all__ = ["GroupsByArea", "bodies_by_class", "groups_by_area"]
 
 
-class GroupsByArea(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class GroupsByArea:
     """Groups of bodies, class by class; within each, smallest areas first. Most classes have a single one.
 
     Attributes:
