@@ -11,6 +11,7 @@ import numpy as np
 from ..problem.balance import Balance
 from ..problem.note import Note, NoteKind
 from ..problem.placement import Placement
+from ..problem.report import UNEVEN
 from .groups_by_area import GroupsByArea
 
 __all__ = [
@@ -22,8 +23,8 @@ __all__ = [
     "notes_on_larger_classes",
 ]
 
-# Coverage errors above which somebody asks why; and how many times more bodies there are than equal ones that would be as coarse.
-UNEVEN, MOST_OF_FEW = 0.15, 4.0
+# How many times more bodies there are than equal ones that would be as coarse.
+MOST_OF_FEW = 4.0
 # How much classes are mixed unless it is asked for.
 USUAL = Balance()
 # Share of a coverage error that is made by what is fixed, above which this explains it.

@@ -1,9 +1,11 @@
 """What a report says where coverage errors are large for a reason."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from esh import Balance, BodyClass, Domain, FixedBodies, Problem, Size, Surface, SurfaceMesh, solve
-from esh.engine.problem.note import NoteKind, kind_of
+from esh.engine.problem.note import Note, NoteKind, kind_of
 from esh.engine.quality.errors_of_few import notes_on_all_together
 
 
@@ -88,3 +90,35 @@ def test_fixed_bodies_are_not_blamed_where_any_body_of_their_size_is_a_heavy_spo
     assert (report.classes[0].coverage_error > 1.0) != apart and report.coverage_error > 1.0
     (said,) = [note for note in report.notes if kind_of(note) in (NoteKind.ERROR_OF_FEW, NoteKind.ALL_TOGETHER)]
     assert kind_of(said) == (NoteKind.ALL_TOGETHER if apart else NoteKind.ERROR_OF_FEW)
+
+
+def test_a_printed_report_says_why_errors_are_large_beside_the_table():
+    large_and_small = [Size("plate", 0.15, 10), Size("disc", 0.0002, 1500)]
+    lines = str(solve(Problem(ground("plane"), [BodyClass("all", large_and_small)]), max_steps=5, device="cpu").report)
+    table, why, whole, *_ = lines.splitlines()[2:]
+    assert table.split()[0] == "disc" and "coverage errors look no farther" in why and whole.startswith("all bodies: ")
+    classes = [BodyClass(size.name, [size]) for size in large_and_small]
+    lines = str(solve(Problem(ground("plane"), classes), max_steps=60, device="cpu").report).splitlines()
+    (whole,) = [number for number, line in enumerate(lines) if line.startswith("all bodies: ")]
+    assert "judge each class by its own" in lines[whole + 1] and len(lines) == len(set(lines))
+
+
+@pytest.mark.parametrize(
+    ("share", "apart", "steps", "said"),
+    [
+        (0.3, False, 10, "10 steps, not converged (bodies still move), "),
+        (1.3, True, 5, "5 steps, not converged (not all bodies are parted), "),
+        (0.3, False, 100, "100 steps, converged, "),
+    ],
+)
+def test_it_is_said_why_a_run_has_not_converged_and_more_steps_only_where_they_are_seen(share, apart, steps, said):
+    classes = [BodyClass("disc", [Size("d", share * 3.5**2 / 400, 400)])]
+    report = solve(Problem(ground("plane"), classes, avoid_overlap=apart), max_steps=steps, device="cpu").report
+    assert said in str(report)
+    uneven = replace(report, coverage_error=0.2, classes=(replace(report.classes[0], coverage_error=0.2),))
+    advised = "bodies still move: more steps would make them more even"
+    assert said.replace("bodies still move", advised) in str(uneven)
+    explained = replace(uneven, notes=(Note("large ones", NoteKind.ERROR_OF_FEW),))
+    kept_off = replace(uneven, classes=(replace(uneven.classes[0], kept_off=True),))
+    if not apart:
+        assert said in str(explained) and said in str(kept_off)
