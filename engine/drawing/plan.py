@@ -22,6 +22,7 @@ from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
 from ..problem.slopes import foreshortened
 from .halftone import line_axis
+from .palette import Color, class_colors
 from .periodic_copies import boxes_of_bodies, copies_of_bodies
 
 if TYPE_CHECKING:
@@ -29,23 +30,8 @@ if TYPE_CHECKING:
 
     from ..problem.body_footprints import BodyFootprints
 
-__all__ = ["PALETTE", "draw_plan"]
+__all__ = ["draw_plan"]
 
-Color = tuple[int, int, int]
-
-# Told apart by lightness as well as by hue, so that neither print nor color blindness merges two neighbors.
-PALETTE: tuple[Color, ...] = (
-    (38, 92, 74),
-    (226, 150, 52),
-    (62, 112, 168),
-    (196, 78, 62),
-    (132, 186, 150),
-    (122, 88, 150),
-    (240, 200, 110),
-    (96, 170, 190),
-    (214, 140, 160),
-    (110, 82, 60),
-)
 PAPER: Color = (250, 249, 246)
 GROUND: Color = (255, 255, 255)
 FRAME: Color = (206, 202, 194)
@@ -87,8 +73,8 @@ def draw_plan(
     Args:
         placement: What to draw.
         path: File name, or a file open for writing bytes.
-        colors: One color per class: names or hex codes as Pillow knows them, or three numbers 0..1; a palette of ten
-            when None. Smaller sizes of a class are drawn lighter.
+        colors: One color per class: names or hex codes as Pillow knows them, or three numbers 0..1; where None, ten of
+            a palette, and then further ones that are unlike each other. Smaller sizes of a class are drawn lighter.
         background: Picture under the bodies, stretched over the domain: shape ``[height, width]`` or
             ``[height, width, 3]``, values 0..1, row 0 its top; shown faintly.
 
@@ -351,7 +337,7 @@ def _faint(background: np.ndarray) -> Image.Image:
 
 def _class_colors(colors: Sequence[Any] | None, class_count: int) -> list[Color]:
     if colors is None:
-        return [PALETTE[index % len(PALETTE)] for index in range(class_count)]
+        return class_colors(class_count)
     try:
         listed = list(colors)
     except FOREIGN_ERRORS:

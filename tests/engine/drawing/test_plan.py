@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from esh import BodyClass, Domain, EshError, Placement, Problem, Report, Size
 from esh.engine.drawing import plan as plan_module
+from esh.engine.drawing.palette import class_colors
 from esh.engine.drawing.plan import GROUND, MARGIN, PLAN_PIXELS, draw_plan
 from esh.engine.problem.footprint import Footprint
 from esh.engine.problem.footprints import Footprints
@@ -278,3 +279,13 @@ def test_what_reaches_far_over_the_border_is_not_cut():
     picture = np.asarray(Image.open(file)).astype(int)
     _, column = np.nonzero(is_color(picture[:-200], RED))
     assert np.ptp(column) / 160.0 == pytest.approx(8.0, abs=0.02)
+
+
+def test_the_eleventh_class_has_a_color_of_its_own():
+    """It had that of the first."""
+    classes = [BodyClass(str(number), [Size("s", 0.5, 1)]) for number in range(12)]
+    center = [[1.0 + 2.0 * (number % 4), 1.0 + 3.0 * (number // 4)] for number in range(12)]
+    plan = plan_of(place(Domain((8.0, 8.0)), classes, center))
+    inside = plan[plan.shape[0] // 40 :]
+    for color in class_colors(12):
+        assert (np.abs(inside.astype(int) - np.array(color)).max(axis=2) <= 2).any()
