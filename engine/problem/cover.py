@@ -20,7 +20,7 @@ from .packing import elongation_of, in_cells, packable, share_inside
 from .problem import Problem
 from .surface import Surface
 
-__all__ = ["Cover", "Room", "cover_of", "cover_of_images", "ground_on_surface", "share_of_ground"]
+__all__ = ["ABOUT", "Cover", "Room", "cover_of", "cover_of_images", "ground_on_surface", "share_of_ground"]
 
 # Cells along the longer side of the domain in which what is asked for is compared with what fits; fewer where bodies are large.
 CELLS = 128

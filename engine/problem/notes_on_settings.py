@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .cover import ABOUT
 from .note import Note, NoteKind
 from .prepared_class import PreparedClass
 from .problem import Problem
@@ -18,11 +19,23 @@ def notes_on_settings(problem: Problem) -> list[str]:
 
 def note_on_fit(problem: Problem, covered: float) -> Note | None:
     """Say that footprints cannot fit that add up to more than the ground; None where they may, or were asked to cover it."""
-    # Classes that are to cover the ground, and may overlap, are asked to do so.
-    if covered <= 1.0 or (not problem.avoid_overlap and any(is_to_cover(c) for c in problem.classes)):
+    if covered <= 1.0:
         return None
-    text = f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; "
-    return Note(text + "lower the counts or the areas", NoteKind.CANNOT_FIT)
+    helps = "lower the counts or the areas"
+    if not problem.avoid_overlap and any(is_to_cover(c) for c in problem.classes):
+        # A class that is to cover the ground, and may overlap, is asked to do so. Several together may be by mistake; inks are not, of
+        # which it is said which make room for each other, nor are counts that were rounded up.
+        if problem.balance.classes_apart is not None or covered * _share_to_cover(problem) <= ABOUT:
+            return None
+        helps = "lower the densities of the classes that are to cover it"
+    text = f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; {helps}"
+    return Note(text, NoteKind.CANNOT_FIT)
+
+
+def _share_to_cover(problem: Problem) -> float:
+    """Share of all footprints that is of classes that are to cover the ground."""
+    amount = [sum((s.count or 0) * s.mean_area for s in c.sizes) for c in problem.classes]
+    return sum(a for a, c in zip(amount, problem.classes, strict=True) if is_to_cover(c)) / sum(amount)
 
 
 def is_to_cover(body_class: PreparedClass) -> bool:

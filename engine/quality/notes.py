@@ -103,8 +103,15 @@ def _is_unwanted(placement: Placement, overlaps: Overlaps) -> bool:
         return False
     if any(size.footprint is not None for size in solid):
         return True
-    alike = len(solid) == 1 and not isinstance(solid[0].area, tuple)
-    return not alike and cover_of(problem).warning is None
+    return not _are_alike(problem) and cover_of(problem).warning is None
+
+
+def _are_alike(problem: Problem) -> bool:
+    """Whether solid bodies of classes that make room for each other are of one size: inks that are to overlap are so by themselves."""
+    solid = [[size for size in c.sizes if _is_solid(c, size)] for c in problem.classes]
+    number, apart = np.array([len(sizes) for sizes in solid]), problem.balance.classes_apart
+    together = number.sum() if apart is None else (apart[number > 0] @ number).max()
+    return bool(together == 1) and not any(isinstance(size.area, tuple) for sizes in solid for size in sizes)
 
 
 def _is_tone(body_class: PreparedClass) -> bool:

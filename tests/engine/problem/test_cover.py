@@ -285,6 +285,16 @@ def test_what_is_to_cover_the_ground_and_may_overlap_is_not_told_that_it_cannot_
     assert [any("cannot fit" in note for note in some) for some in notes] == [False, True]
 
 
+@pytest.mark.parametrize("inks", [False, True])
+def test_classes_that_are_to_cover_more_than_the_ground_together_are_told_so_unless_they_are_inks(inks):
+    sizes, balance = [Size("s", 1.0)], Balance(non_overlap=np.eye(12)) if inks else Balance()
+    classes = [BodyClass(str(k), sizes, 0.125, "cover") for k in range(12)]
+    report = solve(Problem(Domain((20.0, 20.0)), classes, balance), device="cpu", max_steps=3).report
+    assert report.covered == pytest.approx(1.5, abs=0.02)
+    told = [note for note in report.notes if "cannot fit without overlap; lower the densities" in note]
+    assert len(told) == (not inks) and str(report).startswith("the footprints add up to 150%") == (not inks)
+
+
 @pytest.mark.parametrize(("density", "beside", "covering"), [(1.0, 40, 42), (0.3, 40, 30), (0.3, 70, 12)])
 def test_bodies_that_cover_the_ground_make_room_for_classes_whose_counts_are_given(density, beside, covering):
     sizes = [Size("s", 1.0, share=1.0)]

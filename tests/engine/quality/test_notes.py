@@ -9,6 +9,7 @@ from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass, Unsharp
+from esh.engine.problem.color_separation import halftone_problem
 from esh.engine.problem.cover import cover_of
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.footprint import Footprint
@@ -85,7 +86,9 @@ def test_a_few_that_touch_are_not_told_of():
     assert report.overlaps and not notes
 
 
-@pytest.mark.parametrize("kind", ["stippling", "hatching", "cover", "sharpened", "classes by themselves", "too dark"])
+@pytest.mark.parametrize(
+    "kind", ["stippling", "hatching", "cover", "sharpened", "classes by themselves", "too dark", "inks"]
+)
 def test_what_overlaps_on_purpose_is_not_told_of(kind):
     ramp = np.linspace(0.0, 1.0, 64)[None, :].repeat(64, 0)
     dots = [Size("large", 1.5, 300), Size("small", 0.5, 900)]
@@ -98,6 +101,7 @@ def test_what_overlaps_on_purpose_is_not_told_of(kind):
         ),
         "sharpened": lambda: Problem(SQUARE, [BodyClass("ink", dots, ramp, unsharp=Unsharp(1.0, 2.0))]),
         "classes by themselves": lambda: crowd(balance=Balance(0.0), share=0.4),
+        "inks": lambda: halftone_problem(np.random.default_rng(0).random((64, 64, 3)) * 0.9, "CMY"),
         "too dark": lambda: Problem(SQUARE, [BodyClass("ink", dots, ramp**4)]),
     }[kind]()
     notes, report = told(problem)
