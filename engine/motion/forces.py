@@ -43,12 +43,14 @@ class FieldSettings:
         whole_charge: Charges before fading (see ``engine/tiles/fading.py``), shape ``[charge_count]``; None if none faded.
         smooth: Width of a blur between two charges over their spacing, with nothing that keeps close pairs apart; None for the blur
             that places bodies. See :class:`~esh.engine.field.blur.BlurSettings`.
+        corrected: Whether targets can be corrected by how dense bodies stand even where some are pinned.
     """
 
     targets: list[FieldTarget] | None = None
     fewest_nodes: int | None = None
     whole_charge: np.ndarray | None = None
     smooth: float | None = None
+    corrected: bool = False
 
 
 class Forces:
@@ -99,13 +101,13 @@ class Forces:
         else:
             self.field = Field(launcher, **described, part=part)
             self.evaluate, self.correct_targets = self.field.evaluate, self.field.correct_targets
-        self._prepare_feedback(model)
+        self._prepare_feedback(model, settings.corrected)
         feedback = self.field.feedback
         self.target_factor: wp.array = launcher.zeros(0, float) if feedback is None else feedback.factor
 
-    def _prepare_feedback(self, model: Model) -> None:
+    def _prepare_feedback(self, model: Model, corrected: bool) -> None:
         """Make ready for targets that are corrected, unless bodies are pinned: others are not to make up for how those stand."""
-        if (distinct(model.body.flags) & BodyFlags.PINNED).any():
+        if not corrected and (distinct(model.body.flags) & BodyFlags.PINNED).any():
             return
         layout = self.field.layout
         counts = counts_of(model.body.group, self.field.group_count)

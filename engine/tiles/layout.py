@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -147,6 +148,33 @@ class Layout:
         )
         period = self.size if self.periodic else None
         return Box(axes[0], axes[1], (low[0], low[1]), (high[0], high[1]), (cut[0], cut[1], cut[2], cut[3]), period)
+
+    def around(self, box: Box, reach: float) -> Box:
+        """A window with what lies beyond its cuts, as far as ``reach`` [m] or a little more, or as far as the domain goes.
+
+        Args:
+            box: The window.
+            reach: How far [m]; 0 returns the window itself.
+        """
+        if reach == 0.0:
+            return box
+        axes = []
+        for axis, along in enumerate((box.across, box.up)):
+            units = self.units[axis]
+            more = math.ceil(reach / self.size[axis] * units)
+            before, after = (more if box.cut[2 * axis + k] else 0 for k in (0, 1))
+            begin, end = along.begin - before, along.end + after
+            if box.period is None:
+                begin, end = max(begin, 0), min(end, units)
+            elif begin < 0:
+                # Parts of a domain that wraps begin within it.
+                begin, end = begin + units, end + units
+            axes.append(Axis(begin, end, units))
+        low, high = (
+            tuple(self.size[k] * unit / self.units[k] for k, unit in enumerate(ends))
+            for ends in ((axes[0].begin, axes[1].begin), (axes[0].end, axes[1].end))
+        )
+        return Box(axes[0], axes[1], (low[0], low[1]), (high[0], high[1]), box.cut, box.period)
 
     def near(self, shift: tuple[float, float], box: Box, reach: float) -> Iterator[int]:
         """Numbers of the windows that a box comes upon, or comes nearer to than ``reach`` [m]."""

@@ -16,6 +16,7 @@ from ..problem.clumps import clump_size_of, crowding_of, occupied, pushed_out_at
 from ..problem.cover import Cover, cover_of_images
 from ..problem.direction_field import direction_field
 from ..problem.domain import Domain
+from ..problem.ground_of_large import LARGE
 from ..problem.line import Line
 from ..problem.notes_on_settings import note_on_fit, notes_on_settings
 from ..problem.packing import packable_share
@@ -27,6 +28,7 @@ from .coarse import CoarseGrid
 from .density_windows import ArraySource, Source, WrappedSource, units_along
 from .groups import TileGroups, group_tiles
 from .layout import Layout
+from .reach import largest_reach
 
 __all__ = ["Pass", "Plan", "TileRun", "choose_tiles", "cover_of_tiles", "make_plan", "read_tiled_recipe"]
 
@@ -36,6 +38,9 @@ SPACINGS_OF_RAREST = 30.0
 MOST_IN_TILE = {"cpu": 90_000, "cuda": 2_000_000}
 # Of shorter tiles, in spacings, the margins of all passes meet somewhere, and bodies there are never free; with contact and without.
 FEWEST_SPACINGS = {True: 60.0, False: 30.0}
+# Where large bodies keep others off, tiles are at least so many spacings and so many reaches of the largest long: bodies beside the
+# cuts of both of the last two passes are a quarter of a tile from those of the one before, where they have to be free.
+SPACINGS_AROUND_LARGE, REACHES = 20.0, 8.0
 # Windows are shifted along the diagonal, so that every place is far from the cuts of one pass at least; the last pass is of the tiles
 # themselves. Where contact parts footprints, one more pass comes after the last warp; the cuts of the last two are as far apart as can
 # be, because nothing settles again what the last one pins.
@@ -46,6 +51,8 @@ CELL = 2.0
 MOST_CELLS = 24_000_000
 # Groups of fewer bodies to a tile are spread over the whole domain before all others start, if they are no more than so many.
 RARE_PER_TILE, MOST_RARE = 100, 50_000
+# Bodies that reach farther than this, in spacings, may reach over a cut into others: free ones come no nearer to cuts than twice as far.
+REACH_THAT_MATTERS = 1.25
 # The folder of clumps.
 CLUMP_BLOCKS = "clump-blocks"
 # Pixels along either side that densities are looked at with before anything is known.
@@ -117,6 +124,10 @@ class Plan:
         georeference: Where the domain lies.
         longest: Longest axis of a line [m].
         bending: Charges of the lines that bend, the most that any of these has; 0 where none does.
+        rim: How far around windows others are seen and pinned [m], so that nobody who reaches over a cut is overlooked: as far as the
+            largest body reaches; 0 where none reaches so far that it matters, or no footprints keep apart.
+        among_large: Whether small bodies stand among large ones, from which footprints keep apart: how dense they stand is then
+            corrected in windows as in one solve, which would else leave them in closed rows around large ones.
         rare: Groups that are spread as a whole, because tiles have too few of them to be even.
         notes: Sentences worth attention that are known without measuring.
     """
@@ -134,6 +145,8 @@ class Plan:
     georeference: tuple[Georeference, tuple[int, int]] | None
     longest: float
     bending: int
+    rim: float
+    among_large: bool
     rare: tuple[int, ...]
     notes: tuple[str, ...]
 
@@ -165,25 +178,35 @@ def choose_tiles(scene: WindowedRecipe, length: float | None, on_gpu: bool) -> t
     problem = scene.problem
     size = problem.rectangle.size
     fine = _typical_spacing(scene, [_survey(scene, c)[0] for c in range(len(problem.classes))])
+    groups = group_tiles(problem)
+    least, why = _least_length(problem, groups, fine)
     if length is None:
         kind = "cuda" if on_gpu else "cpu"
-        groups = group_tiles(problem)
         rarest = math.sqrt(problem.rectangle.area / int(groups.count.min()))
         wide = min(SPACINGS_OF_RAREST * rarest, math.sqrt(MOST_IN_TILE[kind]) * fine)
-        length = max(SPACINGS_PER_TILE[kind] * fine, wide)
-    fewest = FEWEST_SPACINGS[problem.avoid_overlap]
-    if not (math.isfinite(length) and length >= fewest * fine) and length < max(size):
-        raise ProblemError(f"`tile` must be at least {fewest:g} spacings long, {fewest * fine:.4g} m; got {length:g}")
+        length = max(SPACINGS_PER_TILE[kind] * fine, wide, least)
+    if not (math.isfinite(length) and length >= least) and length < max(size):
+        raise ProblemError(f"`tile` must be at least {least:.4g} m long, {why}; got {length:g}")
     columns, rows = max(1, int(size[0] / length + 1e-9)), max(1, int(size[1] / length + 1e-9))
     if problem.rectangle.periodic and (columns == 1) != (rows == 1):
         # Windows do not wrap: along either axis there are cuts, or along none.
         columns, rows = max(2, columns), max(2, rows)
-        if min(size[0] / columns, size[1] / rows) < fewest * fine:
+        if min(size[0] / columns, size[1] / rows) < least:
             raise ProblemError(
-                f"a periodic `domain` must be at least {2.0 * fewest * fine:.4g} m wide and high for tiles, "
-                f"{2.0 * fewest:g} spacings; got {size[0]:g} by {size[1]:g} m"
+                f"a periodic `domain` must be at least {2.0 * least:.4g} m wide and high for tiles, each of which is at least "
+                f"{why}; got {size[0]:g} by {size[1]:g} m"
             )
     return columns, rows
+
+
+def _least_length(problem: Problem, groups: TileGroups, fine: float) -> tuple[float, str]:
+    """Length of the shortest tiles [m], and what that is."""
+    fewest = FEWEST_SPACINGS[problem.avoid_overlap]
+    reach = largest_reach(problem, groups) if problem.avoid_overlap else 0.0
+    around = SPACINGS_AROUND_LARGE * fine + REACHES * reach
+    if around > fewest * fine:
+        return around, f"{SPACINGS_AROUND_LARGE:g} spacings and {0.5 * REACHES:g} times the extent of the largest body"
+    return fewest * fine, f"{fewest:g} spacings"
 
 
 def cover_of_tiles(scene: WindowedRecipe) -> Cover:
@@ -262,9 +285,22 @@ def make_plan(run: TileRun) -> Plan:
         scene.georeference,
         max((line.longest for line in lines.values()), default=0.0),
         max((line.charges for line in lines.values() if line.straightness is not None), default=0),
+        _rim(problem, groups, fine) if run.tiles != (1, 1) else 0.0,
+        _among_large(problem, groups),
         _rare(groups, run.tiles),
         _notes(problem, [shares for shares, _ in surveys]),
     )
+
+
+def _rim(problem: Problem, groups: TileGroups, fine: float) -> float:
+    """See :attr:`Plan.rim`."""
+    reach = largest_reach(problem, groups) if problem.avoid_overlap else 0.0
+    return reach if reach > REACH_THAT_MATTERS * fine else 0.0
+
+
+def _among_large(problem: Problem, groups: TileGroups) -> bool:
+    """See :attr:`Plan.among_large`."""
+    return problem.avoid_overlap and float(groups.mean_area.max()) >= LARGE * float(groups.mean_area.min())
 
 
 def _rare(groups: TileGroups, tiles: tuple[int, int]) -> tuple[int, ...]:

@@ -143,26 +143,33 @@ def _pass(run: TileRun, plan: Plan, place: int, number: int, times: PartTimes) -
     stage, before = f"pass-{place + 1}", f"pass-{place}" if place else "start"
     this = plan.passes[place]
     box = plan.layout.box(this.shift, number)
+    # Whoever stands beyond a cut and reaches over it is seen, too.
+    wide = plan.layout.around(box, plan.rim)
     earlier = plan.passes[place - 1].shift if place else (0.0, 0.0)
-    parts, factors = [], []
+    parts, own, factors = [], [], []
     # A body may have been warped a little out of the window that it was in.
     with times.of("read"):
-        for other in plan.layout.near(earlier, box, plan.spacing):
+        for other in plan.layout.near(earlier, wide, plan.spacing):
             found = read_bodies(part_path(run, before, other))
-            found = found.at(box.framed(found.position))
-            parts.append(found.chosen(box.holds(found.position)))
+            here, seen = box.holds(box.framed(found.position)), wide.framed(found.position)
+            own.append(found.identity[here])
+            parts.append(found.at(seen).chosen(here | wide.holds(seen)))
             factors.append(read_length_factor(part_path(run, before, other)))
         factor = _mean_factor(plan, parts, factors)
         bodies = PartBodies.joined(parts)
     with times.of("warp"):
-        bodies = _warped(run, plan, stage, this.warp, box, bodies)
+        bodies = _warped(run, plan, stage, this.warp, wide, bodies)
     demand = read_demand(run.work / DEMAND)
-    bodies, factor = relax(plan, box, bodies, factor, demand, this.steps, this.part, place == 0, run.device, times)
-    bodies = _at_home(plan, bodies)
+    here = np.isin(bodies.identity, np.concatenate(own), assume_unique=True)
+    bodies, factor = relax(
+        plan, wide, bodies, here, factor, demand, this.steps, this.part, place == 0, run.device, times
+    )
+    bodies = _at_home(plan, bodies.chosen(here))
     last = place + 1 == len(plan.passes)
     if last:
         with times.of("tiles"):
-            _write_tile(run, plan, number, onto_densities(plan, box, bodies))
+            bodies = onto_densities(plan, box, bodies)
+            _write_tile(run, plan, number, bodies)
     with times.of("parts"):
         _write(run, plan, place + 1, number, bodies, factor)
     return len(bodies)

@@ -38,7 +38,7 @@ STEPS_OF_RARE = 100
 
 
 def spread_rare(plan: Plan, target: np.ndarray, device: str) -> tuple[np.ndarray, np.ndarray]:
-    """Spread the rare groups over the whole domain, as if there were no others.
+    """Spread the rare groups over the whole domain, as if there were no others; discs of their areas keep apart if footprints do.
 
     Args:
         plan: The plan.
@@ -59,9 +59,16 @@ def spread_rare(plan: Plan, target: np.ndarray, device: str) -> tuple[np.ndarray
         own = rare[tiles.class_index[rare] == c]
         # Where they stand is all that is asked here, so lines are dots.
         sizes = tuple(replace(with_count(tiles.sizes[g], int(tiles.count[g])), line=None) for g in own.tolist())
-        classes.append(PreparedClass(plan.problem.classes[c].name, sizes, target[c][::-1].astype(np.float32)))
-    domain = Domain(whole.size, whole.boundary)
-    problem = Problem(domain, classes, Balance(size_emphasis=1.0), seed=plan.problem.seed)
+        body_class = plan.problem.classes[c]
+        image = target[c][::-1].astype(np.float32)
+        classes.append(PreparedClass(body_class.name, sizes, image, room=body_class.room, gap=body_class.gap))
+    problem = Problem(
+        Domain(whole.size, whole.boundary),
+        classes,
+        _balance_of(plan, np.unique(tiles.class_index[rare])),
+        seed=plan.problem.seed,
+        avoid_overlap=plan.problem.avoid_overlap,
+    )
     launcher = launcher_of_process(device)
     border = NaturalBorder(launcher, problem) if whole.natural else None
     matrix = tiles.matrix[np.ix_(rare, rare)]
@@ -75,6 +82,15 @@ def spread_rare(plan: Plan, target: np.ndarray, device: str) -> tuple[np.ndarray
         return identity, descent.positions()
     finally:
         launcher.release(descent.step)
+
+
+def _balance_of(plan: Plan, class_index: np.ndarray) -> Balance:
+    """A balance for groups that have their factors, which tells contact which of these classes keep apart."""
+    kept = plan.problem.balance.classes_apart
+    if kept is None:
+        return Balance(size_emphasis=1.0)
+    apart = kept[np.ix_(class_index, class_index)].astype(float)
+    return Balance(size_emphasis=1.0, class_separation=0.0, non_overlap=apart)
 
 
 def _model_of_sizes(problem: Problem, matrix: np.ndarray) -> Model:

@@ -29,6 +29,7 @@ from .looking import looking_bodies, looking_turns
 from .part_times import PartTimes
 from .places_in_box import rounded_places, within_support
 from .plan import Plan
+from .reach import reaches
 from .start import started_bodies
 from .window_problem import MARGIN, model_of, pixels_of
 
@@ -42,6 +43,8 @@ MOST_MARGIN = 0.25
 STRAYED = 0.5
 # Rare dots stay where they were spread while no more than this share of a window's bodies are such; the others make room for them.
 MOST_HELD = 0.05
+# Targets are corrected after these shares of a window's steps, as those of one solve are.
+CORRECTED_AFTER = (0.3, 0.5, 0.7, 0.85, 0.93)
 # Outlines that look past the point of their class, being parted, are turned and parted again, so often.
 MOST_FACINGS = 2
 
@@ -50,6 +53,7 @@ def relax(
     plan: Plan,
     box: Box,
     bodies: PartBodies,
+    own: np.ndarray,
     length_factor: np.ndarray,
     demand: Demand,
     steps: int,
@@ -62,8 +66,9 @@ def relax(
 
     Args:
         plan: The plan.
-        box: The window.
-        bodies: Its bodies.
+        box: The window, with what lies around it: see :attr:`.Plan.rim`.
+        bodies: Its bodies, and those around it.
+        own: Which of them are its own: all others are pinned.
         length_factor: What made up for the pressure on lines before, of every size; no window has the steps to find it.
         demand: What the whole domain asks of every group.
         steps: Of the descent.
@@ -79,13 +84,13 @@ def relax(
         return bodies, length_factor
     room = _Room(box, *_margins(plan, box, len(bodies)))
     # Who comes near to a cut on the way stays free.
-    free = _is_free(plan, room, bodies)
+    free = own & _is_free(plan, room, bodies)
     if not free.any():
         return bodies, length_factor
     launcher = launcher_of_process(device)
     if plan.problem.rectangle.natural:
         with times.of("set-up"):
-            beyond = beyond_of(plan, box, len(bodies), room.margin, launcher)
+            beyond = beyond_of(plan, box, len(bodies), plan.rim + room.margin, launcher)
         if beyond is not None:
             bodies, length_factor = _with_beyond(
                 plan, box, bodies, free, length_factor, demand, steps, first, beyond, launcher, times
@@ -102,7 +107,7 @@ class _Room:
 
     Attributes:
         box: The window.
-        margin: How far from its cuts bodies are pinned [m].
+        margin: How far from its cuts bodies are pinned [m]: from its sides that are cuts, less the plan's rim.
         taper: Over how far from them everything fades [m].
         images: Densities there, where these are others than the plan's.
         smooth: See :class:`.FieldSettings`.
@@ -129,6 +134,7 @@ def _settle(
 ) -> tuple[PartBodies, np.ndarray]:
     """Let the bodies of a window that are ``free`` settle in a room; see :func:`relax`."""
     box, margin, taper = room.box, room.margin, room.taper
+    far = _across(plan, bodies.identity)
     with times.of("set-up"):
         flags = np.where(free, 0, BodyFlags.PINNED).astype(np.int32)
         model = model_of(plan, box, bodies, flags, plan.problem.seed, images=room.images)
@@ -143,22 +149,27 @@ def _settle(
             model,
             launcher,
             pose=pose,
-            field_settings=FieldSettings(targets=targets, whole_charge=whole_charge, smooth=room.smooth),
+            field_settings=FieldSettings(
+                targets=targets,
+                whole_charge=whole_charge,
+                smooth=room.smooth,
+                corrected=plan.among_large and room.smooth is None,
+            ),
         )
         factors = _LengthFactors.of(plan, model, present)
         factors.give(length_factor, descent.state)
         _give_bends(model, bodies, descent)
     try:
         with times.of("steps"):
-            _descend(descent, steps)
+            _descend(descent, steps, _corrections(plan, descent, steps))
         state = descent.state
         with times.of("contact"):
-            _call_back(descent, box, pose, free, margin)
+            _call_back(descent, box, pose, free, plan.rim + np.maximum(STRAYED * margin, far))
             looking = free & looking_bodies(plan, bodies.identity) & model.footprints.is_outline
             _face(plan, box, bodies, descent, looking, 0.0)
             if part and descent.contact is not None:
                 # What looks like a free place beyond the pinned bodies along a cut is that of somebody whom this window does not hold.
-                held = box.inside(margin + 0.5 * plan.longest)
+                held = box.inside(plan.rim + margin + float(_aside(plan, margin, far[free]).max()))
                 _part(plan, box, bodies, descent, looking, held)
         with times.of("readback"):
             moved = _moved(bodies, free, model, state)
@@ -203,8 +214,28 @@ def _face(plan: Plan, box: Box, bodies: PartBodies, descent: Descent, looking: n
 
 def _is_free(plan: Plan, room: _Room, bodies: PartBodies) -> np.ndarray:
     """Which bodies of a window are not pinned."""
-    pinned = (room.box.depth(bodies.position) < room.margin + 0.5 * plan.longest) | _held(plan, bodies.identity)
-    return ~(pinned | plan.groups.is_fixed(bodies.identity))
+    least = plan.rim + room.margin + _aside(plan, room.margin, _across(plan, bodies.identity))
+    fixed = plan.groups.is_fixed(bodies.identity)
+    held = _held(plan, bodies.identity)
+    if held.any() and plan.problem.avoid_overlap:
+        held[_in_each_other(plan, bodies, held, fixed)] = False
+    return ~((room.box.depth(bodies.position) < least) | held | fixed)
+
+
+def _across(plan: Plan, identity: np.ndarray) -> np.ndarray:
+    """How far bodies reach over a cut that they stand on [m], shape ``[n]``; 0 where none reaches far."""
+    return reaches(plan.problem, plan.groups, identity) if plan.rim else np.zeros(len(identity))
+
+
+def _aside(plan: Plan, margin: float, far: np.ndarray) -> np.ndarray:
+    """How much farther from cuts than others bodies are pinned [m], shape ``[n]``, so that they do not come to reach over these.
+
+    Args:
+        plan: The plan.
+        margin: How far from cuts all are pinned [m]; what is free comes no nearer to them than a share of that.
+        far: How far bodies reach [m], shape ``[n]``.
+    """
+    return 0.5 * plan.longest + np.maximum(far - STRAYED * margin, 0.0)
 
 
 def _with_beyond(
@@ -229,7 +260,7 @@ def _with_beyond(
         others = started_bodies(
             plan, beyond.box, identity, int(random_shares(np.zeros(1), seed)[0] * 2**31), launcher, beyond.added
         )
-    room = _Room(beyond.box, beyond.margin, TAPER / MARGIN * beyond.margin, beyond.images)
+    room = _Room(beyond.box, beyond.margin - plan.rim, TAPER / MARGIN * beyond.margin, beyond.images)
     order = np.argsort(np.concatenate([bodies.identity, identity]), kind="stable")
     both = np.concatenate([free, _is_free(plan, room, others)])[order]
     everybody = PartBodies.joined([bodies, others])
@@ -239,9 +270,18 @@ def _with_beyond(
     return kept_within(plan, box, bodies, settled, order, both, beyond), length_factor
 
 
-def _descend(descent: Descent, steps: int) -> None:
-    """Take so many steps; raises ProblemError where they leave the range of float32."""
-    for _ in range(steps):
+def _corrections(plan: Plan, descent: Descent, steps: int) -> list[int]:
+    """Before which steps the targets of a window are corrected, in their order."""
+    if not (plan.among_large and descent.corrects_targets):
+        return []
+    return [round(share * steps) for share in CORRECTED_AFTER]
+
+
+def _descend(descent: Descent, steps: int, corrections: list[int]) -> None:
+    """Take so many steps, and correct targets before some; raises ProblemError where bodies leave the range of float32."""
+    for step in range(steps):
+        for _ in range(corrections.count(step)):
+            descent.correct_targets()
         descent.step.play()
     if math.isnan(descent.direction.residual()):
         raise ProblemError(
@@ -267,6 +307,24 @@ def _held(plan: Plan, identity: np.ndarray) -> np.ndarray:
     dots = [g for g in plan.rare if plan.groups.sizes[g].line is None]
     held = np.isin(group, dots)
     return held if held.mean() <= MOST_HELD else np.zeros(len(identity), bool)
+
+
+def _in_each_other(plan: Plan, bodies: PartBodies, held: np.ndarray, fixed: np.ndarray) -> np.ndarray:
+    """Numbers of ``held`` bodies that may overlap each other, or ``fixed`` ones: somebody has to give way, so they are not held."""
+    there = np.flatnonzero(held | fixed)
+    # From left to right: whoever is near is one of the next.
+    there = there[np.argsort(bodies.position[there, 0], kind="stable")]
+    place, may_go = bodies.position[there], held[there]
+    far = reaches(plan.problem, plan.groups, bodies.identity[there])
+    result, widest = np.zeros(len(there), bool), 2.0 * float(far.max())
+    for after in range(1, len(there)):
+        way = place[after:] - place[:-after]
+        if not (way[:, 0] < widest).any():
+            break
+        meet = np.hypot(way[:, 0], way[:, 1]) < far[after:] + far[:-after]
+        result[after:] |= meet
+        result[:-after] |= meet
+    return there[result & may_go]
 
 
 def _moved(bodies: PartBodies, free: np.ndarray, model: Model, state: State) -> PartBodies:
@@ -298,19 +356,20 @@ def _give_bends(model: Model, bodies: PartBodies, descent: Descent) -> None:
     descent.place_charges()
 
 
-def _call_back(descent: Descent, box: Box, start: np.ndarray, free: np.ndarray, margin: float) -> None:
+def _call_back(descent: Descent, box: Box, start: np.ndarray, free: np.ndarray, least: np.ndarray) -> None:
     """Have free bodies that strayed to where everything fades, along an edge of the domain say, go back: nothing holds them there.
 
-    They go back on their way from their ``start``, so that no two of them meet.
+    They go back on their way from their ``start``, so that no two of them meet, as far as to the ``least`` distance from cuts of each
+    [m], shape ``[n]``.
     """
     model, state = descent.model, descent.state
     values = state.pose.numpy().copy()
     came = box.depth(start[:, :2] * model.unit + box.low)
     depth = box.depth(values[:, :2] * model.unit + box.low)
-    strayed = free & (depth < STRAYED * margin)
+    strayed = free & (depth < least)
     if not strayed.any():
         return
-    share = (came[strayed] - STRAYED * margin) / (came[strayed] - depth[strayed])
+    share = (came[strayed] - least[strayed]) / (came[strayed] - depth[strayed])
     way = values[strayed, :2] - start[strayed, :2]
     values[strayed, :2] = start[strayed, :2] + np.clip(share, 0.0, 1.0)[:, None] * way
     state.pose.assign(values)
@@ -378,6 +437,10 @@ def _margins(plan: Plan, box: Box, count: int) -> tuple[float, float]:
     """How far bodies are pinned, and over how far everything fades [m]."""
     spacing = max(plan.fine, math.sqrt(box.size[0] * box.size[1] / count))
     # Only sides that are cuts take anything.
-    room = [MOST_MARGIN * box.size[axis] for axis in (0, 1) if box.cut[2 * axis] or box.cut[2 * axis + 1]]
+    room = [
+        MOST_MARGIN * (box.size[axis] - plan.rim * sum(box.cut[2 * axis : 2 * axis + 2]))
+        for axis in (0, 1)
+        if box.cut[2 * axis] or box.cut[2 * axis + 1]
+    ]
     margin = min([MARGIN * spacing, *room])
-    return margin, TAPER / MARGIN * margin
+    return margin, TAPER / MARGIN * (plan.rim + margin)
