@@ -32,7 +32,19 @@ MAY_IMPORT: dict[str, set[str]] = {
     "files": {"problem"},
     "drawing": {"files", "problem"},
     "scenes": {"device", "files", "problem", "solve"},
-    "tiles": {"descent", "device", "edits", "field", "files", "model", "motion", "problem", "scenes", "space"},
+    "tiles": {
+        "descent",
+        "device",
+        "edits",
+        "field",
+        "files",
+        "model",
+        "motion",
+        "problem",
+        "quality",
+        "scenes",
+        "space",
+    },
     "cli": {"device", "drawing", "files", "problem", "scenes", "solve", "solver", "tiles"},
 }
 FOR_ALL = {"errors", "native_output", "version"}

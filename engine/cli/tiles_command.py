@@ -28,7 +28,7 @@ and the same bytes for any number of processes. The same command continues a run
 Exit status: 0 if all tiles are there. 2 if something in the input is wrong. 130 after Ctrl-C.
 """
 # What the stages are called for people.
-NAMES = {"clumps": "clumping", "survey": "looking", "start": "starting"}
+NAMES = {"clumps": "clumping", "survey": "looking", "start": "starting", "overlaps": "counting overlaps"}
 
 
 def add_tiles(commands: argparse._SubParsersAction) -> None:

@@ -18,6 +18,7 @@ from .overlaps import MOST_NAMED, Overlaps
 
 __all__ = [
     "notes_on_distant_outlines",
+    "note_on_pairs",
     "notes_on_fixed",
     "notes_on_fixed_places",
     "notes_on_overlaps",
@@ -51,8 +52,7 @@ def notes_on_overlaps(
         return [] if cover is None or cover.warning is None or cover.too_much else [cover.warning]
     notes: list[str] = []
     if cover is not None:
-        pairs = _pairs(overlaps.count, "still overlap" if parted else "overlap")
-        notes.append(Note(f"{pairs}, the deepest by {overlaps.deepest:.3g} m", NoteKind.OVERLAPS))
+        notes.append(note_on_pairs(overlaps.count, overlaps.deepest, parted))
     if cover is not None and cover.warning is not None:
         notes.append(cover.warning)
     elif (no_room := note_on_fit(problem, covered)) is not None:
@@ -61,6 +61,18 @@ def notes_on_overlaps(
         pairs = f"{_pairs(among_solid.count, 'overlap')}, the deepest by {among_solid.deepest:.3g} m"
         notes.append(Note(f"{pairs}: {ONLY_IF}", NoteKind.MAY_OVERLAP))
     return notes
+
+
+def note_on_pairs(count: int, deepest: float, parted: bool = True) -> Note:
+    """Say that so many pairs of footprints overlap that keep apart, and by how much the deepest does [m].
+
+    Args:
+        count: Of pairs, at least 1.
+        deepest: See :attr:`.Overlaps.deepest`.
+        parted: Whether it was tried to part them.
+    """
+    pairs = _pairs(count, "still overlap" if parted else "overlap")
+    return Note(f"{pairs}, the deepest by {deepest:.3g} m", NoteKind.OVERLAPS)
 
 
 def _pairs(count: int, overlap: str) -> str:

@@ -31,6 +31,7 @@ __all__ = [
     "find_overlaps_on_surface",
     "overlaps_from",
     "overlaps_of",
+    "overlaps_of_each",
     "overlaps_of_fixed",
     "overlaps_of_fixed_on_surface",
     "overlaps_on_sheets",
@@ -180,9 +181,56 @@ def find_overlaps(
         apart: Which classes keep apart, shape ``[classes, classes]``, bool; overlaps of others do not count. None where all do.
         class_index: Of every body, shape ``[n]``; asked for where ``apart`` is given.
     """
-    n = len(position)
-    if n == 0:
+    if not len(position):
         return Overlaps(0)
+    each = overlaps_of_each(
+        footprints,
+        position,
+        angle,
+        length,
+        width,
+        domain,
+        launcher,
+        smaller=smaller,
+        fixed=fixed,
+        bends=bends,
+        tilt=tilt,
+        on_device=on_device,
+        apart=apart,
+        class_index=class_index,
+    )
+    if each is None:
+        return Overlaps(0)
+    found, depth, partner = each
+    space, one = Space.of(domain), int(np.argmax(depth))
+    other = int(partner[one])
+    middle = space.wrapped(position[one] + 0.5 * space.shortest(position[other] - position[one]))
+    return overlaps_from(found, depth, (one, other), middle)
+
+
+def overlaps_of_each(
+    footprints: BodyFootprints,
+    position: np.ndarray,
+    angle: np.ndarray,
+    length: np.ndarray,
+    width: np.ndarray,
+    domain: Domain,
+    launcher: Launcher,
+    *,
+    smaller: np.ndarray | None = None,
+    fixed: np.ndarray | None = None,
+    bends: np.ndarray | None = None,
+    tilt: np.ndarray | None = None,
+    on_device: wp.array | None = None,
+    apart: np.ndarray | None = None,
+    class_index: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return what every body overlaps; for the arguments see :func:`find_overlaps`. There is one body at least.
+
+    Returns:
+        In how many others each lies, how deep at most [m], and in which of them; all of shape ``[n]``. None where nothing overlaps.
+    """
+    n = len(position)
     slope = footprints.slopes_at(position, domain.size, tilt)
     factor = of_all(1.0, n) if smaller is None else smaller
     bent = bent_lines(footprints, position, bends)
@@ -208,12 +256,8 @@ def find_overlaps(
         grain=GRAIN_OF_NEIGHBORS,
     )
     if not sum_of_whole(launcher, found):
-        return Overlaps(0)
-    depth = deepest.numpy()
-    one = int(np.argmax(depth))
-    other = int(partner.numpy()[one])
-    middle = space.wrapped(position[one] + 0.5 * space.shortest(position[other] - position[one]))
-    return overlaps_from(found.numpy(), depth, (one, other), middle)
+        return None
+    return found.numpy(), deepest.numpy(), partner.numpy()
 
 
 def overlaps_from(found: np.ndarray, depth: np.ndarray, pair: tuple[int, int], middle: np.ndarray) -> Overlaps:

@@ -2,5 +2,6 @@
 
 No process holds more of the domain than one window: a tile and its surroundings. Begin with ``tiles.py``.
 
-May import ``descent``, ``device``, ``edits``, ``field``, ``files``, ``model``, ``motion``, ``problem``, ``scenes`` and ``space``.
+May import ``descent``, ``device``, ``edits``, ``field``, ``files``, ``model``, ``motion``, ``problem``, ``quality``, ``scenes`` and
+``space``.
 """

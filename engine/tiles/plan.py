@@ -124,6 +124,7 @@ class Plan:
         georeference: Where the domain lies.
         longest: Longest axis of a line [m].
         bending: Charges of the lines that bend, the most that any of these has; 0 where none does.
+        reach: How far the largest body reaches from its position [m]; 0 where no footprints keep apart.
         rim: How far around windows others are seen and pinned [m], so that nobody who reaches over a cut is overlooked: as far as the
             largest body reaches; 0 where none reaches so far that it matters, or no footprints keep apart.
         among_large: Whether small bodies stand among large ones, from which footprints keep apart: how dense they stand is then
@@ -145,6 +146,7 @@ class Plan:
     georeference: tuple[Georeference, tuple[int, int]] | None
     longest: float
     bending: int
+    reach: float
     rim: float
     among_large: bool
     rare: tuple[int, ...]
@@ -271,6 +273,7 @@ def make_plan(run: TileRun) -> Plan:
         for s, member in enumerate(body_class.sizes)
         if member.line is not None
     }
+    reach = largest_reach(problem, groups) if problem.avoid_overlap else 0.0
     return Plan(
         problem,
         sources,
@@ -285,17 +288,12 @@ def make_plan(run: TileRun) -> Plan:
         scene.georeference,
         max((line.longest for line in lines.values()), default=0.0),
         max((line.charges for line in lines.values() if line.straightness is not None), default=0),
-        _rim(problem, groups, fine) if run.tiles != (1, 1) else 0.0,
+        reach,
+        reach if reach > REACH_THAT_MATTERS * fine and run.tiles != (1, 1) else 0.0,
         _among_large(problem, groups),
         _rare(groups, run.tiles),
         _notes(problem, [shares for shares, _ in surveys]),
     )
-
-
-def _rim(problem: Problem, groups: TileGroups, fine: float) -> float:
-    """See :attr:`Plan.rim`."""
-    reach = largest_reach(problem, groups) if problem.avoid_overlap else 0.0
-    return reach if reach > REACH_THAT_MATTERS * fine else 0.0
 
 
 def _among_large(problem: Problem, groups: TileGroups) -> bool:

@@ -36,7 +36,7 @@ def reaches(problem: Problem, groups: TileGroups, identity: np.ndarray) -> np.nd
 def largest_reach(problem: Problem, groups: TileGroups) -> float:
     """Return the longest of all :func:`reaches` [m], without looking at every body."""
     far = [
-        float(_with_room(problem, c, size, _farthest(size)))
+        float(_with_room(problem, c, size, _farthest(size))[0])
         for c, body_class in enumerate(problem.classes)
         for size in body_class.sizes
     ]
@@ -44,10 +44,10 @@ def largest_reach(problem: Problem, groups: TileGroups) -> float:
 
 
 def _farthest(size: Size) -> np.ndarray:
-    """How far the largest body of a size reaches across its axis, or from its position [m], without the room that it keeps."""
+    """How far the largest body of a size reaches across its axis, or from its position [m], without room; shape ``[1]``."""
     if size.footprint is not None:
-        return np.array(size.longest_reach)
-    return size.kind.reach_across(np.array(size.area_span[1]))
+        return np.array([size.longest_reach])
+    return size.kind.reach_across(np.array(size.area_span[1:]))
 
 
 def _with_room(problem: Problem, class_index: int, size: Size, far: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ from .clump_blocks import write_block
 from .coarse import Patch, cell_sums, displacement
 from .demand import read_demand
 from .layout import Box
+from .overlaps import overlaps_of_tile, write_overlaps
 from .part_times import PartTimes
 from .plan import Plan, TileRun, make_plan
 from .start import start_bodies
@@ -24,6 +25,7 @@ __all__ = [
     "CLUMPS",
     "COUNTS",
     "DEMAND",
+    "OVERLAPS",
     "RARE",
     "TARGET",
     "PartDone",
@@ -36,6 +38,8 @@ __all__ = [
 
 # The first stage, where there are clumps.
 CLUMPS = "clumps"
+# The last stage, where footprints keep apart.
+OVERLAPS = "overlaps"
 # Files of the work folder.
 COUNTS = "counts.npy"
 TARGET = "target.npy"
@@ -48,7 +52,8 @@ FARTHEST, FARTHEST_LATER = 0.9, 0.1
 def stage_names(plan: Plan) -> list[str]:
     """Names of the stages, in their order."""
     first = [CLUMPS] if plan.clumped else []
-    return [*first, "survey", "start", *(f"pass-{number}" for number in range(1, len(plan.passes) + 1))]
+    last = [OVERLAPS] if plan.problem.avoid_overlap else []
+    return [*first, "survey", "start", *(f"pass-{number}" for number in range(1, len(plan.passes) + 1)), *last]
 
 
 def clump_blocks(plan: Plan) -> list[tuple[int, int]]:
@@ -94,6 +99,10 @@ def make_part(run: TileRun, stage: str, number: int) -> PartDone:
         return PartDone(0, times.seconds)
     if stage == "start":
         return PartDone(_start(run, plan, number, times), times.seconds)
+    if stage == OVERLAPS:
+        with times.of(OVERLAPS):
+            _overlaps(run, plan, number)
+        return PartDone(0, times.seconds)
     return PartDone(_pass(run, plan, int(stage.removeprefix("pass-")) - 1, number, times), times.seconds)
 
 
@@ -175,6 +184,22 @@ def _pass(run: TileRun, plan: Plan, place: int, number: int, times: PartTimes) -
     return len(bodies)
 
 
+def _overlaps(run: TileRun, plan: Plan, number: int) -> None:
+    """Count the overlaps of a tile's bodies."""
+    before = f"pass-{len(plan.passes)}"
+    box = plan.layout.box((0.0, 0.0), number)
+    wide = plan.layout.around(box, 2.0 * plan.reach)
+    own = read_bodies(part_path(run, before, number)).identity
+    parts = []
+    for other in plan.layout.near((0.0, 0.0), wide, 0.0):
+        found = read_bodies(part_path(run, before, other))
+        seen = wide.framed(found.position)
+        parts.append(found.at(seen).chosen(wide.holds(seen) | (other == number)))
+    bodies = PartBodies.joined(parts)
+    here = np.isin(bodies.identity, own, assume_unique=True)
+    write_overlaps(part_path(run, OVERLAPS, number), overlaps_of_tile(plan, wide, bodies, here, run.device))
+
+
 def _at_home(plan: Plan, bodies: PartBodies) -> PartBodies:
     """Bodies of a window inside the domain, of which those that are fixed are where they were given, to the last bit."""
     position = plan.layout.in_domain(bodies.position)
@@ -196,10 +221,10 @@ def _mean_factor(plan: Plan, parts: list[PartBodies], factors: list[np.ndarray])
 
 
 def _write(run: TileRun, plan: Plan, before: int, number: int, bodies: PartBodies, factor: np.ndarray) -> None:
-    """Write what the next pass needs, before which so many are over: of the last one nothing but that it was made."""
+    """Write what the next stage needs, before which so many passes are over: of the last one only where overlaps are counted."""
     groups = plan.groups
     over = before == len(plan.passes)
-    if over:
+    if over and not plan.problem.avoid_overlap:
         bodies = bodies.chosen(np.zeros(0, np.int64))
     # Bodies are counted for warps only.
     counted = not over and plan.passes[before].warp != ""

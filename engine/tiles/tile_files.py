@@ -16,7 +16,7 @@ from .looking import looking_turns
 if TYPE_CHECKING:
     from .plan import Plan
 
-__all__ = ["TILE_WRITERS", "check_tile_ending", "tile_name", "world_position"]
+__all__ = ["TILE_WRITERS", "angles_of", "bends_of", "check_tile_ending", "tile_name", "widths_of", "world_position"]
 
 
 def tile_name(plan: Plan, number: int, ending: str) -> str:
@@ -46,9 +46,9 @@ def _columns(plan: Plan, bodies: PartBodies) -> dict[str, np.ndarray]:
         "area": groups.areas(bodies.identity),
     }
     if plan.longest > 0.0 or groups.outlined or any(c.look_at is not None for c in plan.problem.classes):
-        columns["angle"] = _angles(plan, bodies, group)
+        columns["angle"] = angles_of(plan, bodies, group)
     if plan.longest > 0.0:
-        columns |= {"length": bodies.length, "width": _widths(plan, bodies, group, columns["area"])}
+        columns |= {"length": bodies.length, "width": widths_of(plan, bodies, group, columns["area"])}
     if len(groups.fixed_identity):
         columns["fixed"] = groups.is_fixed(bodies.identity)
     if groups.outlined:
@@ -57,7 +57,7 @@ def _columns(plan: Plan, bodies: PartBodies) -> dict[str, np.ndarray]:
     return columns
 
 
-def _angles(plan: Plan, bodies: PartBodies, group: np.ndarray) -> np.ndarray:
+def angles_of(plan: Plan, bodies: PartBodies, group: np.ndarray) -> np.ndarray:
     """How bodies lie [rad], as a placement says it: lines within half a turn, unless they have outlines."""
     sizes = plan.groups.sizes
     outlined = np.array([size.footprint is not None for size in sizes])[group]
@@ -76,7 +76,13 @@ def _within(angle: np.ndarray, period: float) -> np.ndarray:
 
 
 def _bends(plan: Plan, bodies: PartBodies) -> np.ndarray | None:
-    """Positions in the world of the charges on lines that may bend, shape ``[n, charges, 2]``, NaN elsewhere; None without any."""
+    """What :func:`bends_of` returns, in the world."""
+    places = bends_of(plan, bodies)
+    return None if places is None else world_position(plan, places.reshape(-1, 2)).reshape(places.shape)
+
+
+def bends_of(plan: Plan, bodies: PartBodies) -> np.ndarray | None:
+    """Positions of the charges on lines that may bend [m], shape ``[n, charges, 2]``, NaN elsewhere; None without any."""
     if not plan.bending:
         return None
     result = np.full((len(bodies), plan.bending, 2), np.nan)
@@ -91,12 +97,11 @@ def _bends(plan: Plan, bodies: PartBodies) -> np.ndarray | None:
         across = bodies.bend[own, : len(places)]
         cosine, sine = np.cos(bodies.angle[own, None]), np.sin(bodies.angle[own, None])
         offset = np.stack([along * cosine - across * sine, along * sine + across * cosine], axis=-1)
-        place = bodies.position[own, None] + offset
-        result[own, : len(places)] = world_position(plan, place.reshape(-1, 2)).reshape(place.shape)
+        result[own, : len(places)] = bodies.position[own, None] + offset
     return result
 
 
-def _widths(plan: Plan, bodies: PartBodies, group: np.ndarray, area: np.ndarray) -> np.ndarray:
+def widths_of(plan: Plan, bodies: PartBodies, group: np.ndarray, area: np.ndarray) -> np.ndarray:
     """Thickness of lines [m], 0 for dots: their own, or that of capsules of the mean length asked for."""
     result = np.zeros(len(bodies))
     for g in np.unique(group).tolist():

@@ -36,12 +36,14 @@ from .bodies import read_patch, write_atomically, written_atomically
 from .coarse import SCALE, solve_flow
 from .demand import find_demand, integrals_of_tiles, read_demand, write_demand
 from .layout import hilbert_order
+from .overlaps import TileOverlaps, read_overlaps
 from .part_times import PartTimes
 from .plan import Plan, TileRun, choose_tiles, make_plan, read_tiled_recipe
 from .stages import (
     CLUMPS,
     COUNTS,
     DEMAND,
+    OVERLAPS,
     RARE,
     TARGET,
     clump_blocks,
@@ -88,8 +90,11 @@ class TileState:
         workers: Number of processes; 0 if the calling process does all the work.
         seconds: Seconds that all processes have spent so far, added up, by kind of work. ``"between"`` is work on the whole domain
             between two stages, which all processes wait for.
-        notes: Sentences worth the user's attention, as in a :class:`Report`: that the footprints cannot fit, and settings that do
-            nothing. Bodies are not measured, so no note tells how many overlap or how even they are.
+        notes: Sentences worth the user's attention, as in a :class:`Report`: that the footprints cannot fit, settings that do nothing,
+            and, once the run is finished, how many footprints overlap. How even bodies are is not measured.
+        overlaps: Pairs of footprints that overlap, as in a :class:`Report`, those of two tiles too. None until the run is finished,
+            and where footprints may overlap.
+        deepest_overlap: How deep the deepest pair lies in each other [m].
     """
 
     stage: int
@@ -103,6 +108,8 @@ class TileState:
     workers: int = 0
     seconds: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    overlaps: int | None = None
+    deepest_overlap: float = 0.0
 
 
 @belongs_to("problem", named=False, instead=STEPS_INSTEAD)
@@ -191,6 +198,7 @@ class _Driver:
         self._workers = min(workers, self._tiles)
         self._pool: RayPool | WorkerPool | None = None
         self._times = PartTimes()
+        self._overlaps: TileOverlaps | None = None
         self._compiled: set[str] = set()
 
     def go(self) -> TileState:
@@ -198,6 +206,7 @@ class _Driver:
         run = self._run
         index = Path(run.folder, INDEX)
         if index.is_file():
+            self._overlaps = _overlaps_of_index(index)
             return self._state(len(self._names) - 1, self._tiles, self._tiles, finished=True)
         make_folder(run.work)
         try:
@@ -212,7 +221,10 @@ class _Driver:
         finally:
             if self._pool is not None:
                 self._pool.close()
-        _write_index(run, self._plan)
+        if OVERLAPS in self._names:
+            parts = (read_overlaps(part_path(run, OVERLAPS, number)) for number in range(self._tiles))
+            self._overlaps = sum(parts, TileOverlaps())
+        _write_index(run, self._plan, self._overlaps)
         shutil.rmtree(run.work, ignore_errors=True)
         return self._state(len(self._names) - 1, self._tiles, self._tiles, finished=True)
 
@@ -229,7 +241,9 @@ class _Driver:
             finished,
             self._workers,
             dict(self._times.seconds),
-            plan.notes,
+            plan.notes + (() if self._overlaps is None else self._overlaps.notes),
+            None if self._overlaps is None else self._overlaps.count,
+            0.0 if self._overlaps is None else self._overlaps.deepest,
         )
 
     def _parts(self, name: str) -> int:
@@ -297,7 +311,7 @@ class _Driver:
     def _kernels_of(self, name: str) -> set[str]:
         """What a stage needs compiled."""
         if not name.startswith("pass-"):
-            return {name} if name == "start" else set()
+            return {name} if name in {"start", OVERLAPS} else set()
         this = self._plan.passes[int(name.removeprefix("pass-")) - 1]
         return {"pass", "contact"} if this.part else {"pass"}
 
@@ -466,12 +480,20 @@ def _make_flows(run: TileRun, plan: Plan, stage: str, before: str, parts: int) -
     write_atomically(run.work / f"flow-{stage}" / "done", b"")
 
 
+def _overlaps_of_index(index: Path) -> TileOverlaps | None:
+    """What overlaps in a run that is finished; None where footprints may overlap, or an older version has not counted."""
+    listed = json.loads(index.read_text(encoding="utf-8"))
+    if "overlaps" not in listed:
+        return None
+    return TileOverlaps(2 * int(listed["overlaps"]), float(listed["deepest_overlap"]))
+
+
 def _save(path: Path, values: np.ndarray) -> None:
     with written_atomically(path) as file:
         np.save(file, values, allow_pickle=False)
 
 
-def _write_index(run: TileRun, plan: Plan) -> None:
+def _write_index(run: TileRun, plan: Plan, overlaps: TileOverlaps | None) -> None:
     """List the tiles."""
     counts = np.diff(np.load(run.work / COUNTS), axis=0)[0]
     with np.load(run.work / RARE, allow_pickle=False) as stored:
@@ -495,7 +517,8 @@ def _write_index(run: TileRun, plan: Plan) -> None:
         "bodies": plan.groups.body_count,
         "counted": int(counts.sum()) + rare + len(plan.groups.fixed_identity),
         "size": list(plan.layout.size),
-        "notes": list(plan.notes),
+        "notes": [*plan.notes, *(() if overlaps is None else overlaps.notes)],
+        **({} if overlaps is None else {"overlaps": overlaps.count, "deepest_overlap": overlaps.deepest}),
         "classes": [
             {"name": c.name, "sizes": [{"name": s.name, "count": s.count} for s in c.sizes]}
             for c in plan.problem.classes
