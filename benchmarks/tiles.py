@@ -4,7 +4,8 @@
     python benchmarks/tiles.py --bodies 40000 uniform # some
 
 For every case, ratios of the coverage error of tiles to that of the global solve, for blurs of half to four spacings; the error
-in strips of two spacings to either side of the cuts over that farther inside; the smallest spacing of both; overlaps, with contact.
+in strips of two spacings to either side of the cuts over that farther inside; the smallest spacing of both; overlaps, with contact;
+and how many small ones touch large ones.
 """
 
 from __future__ import annotations
@@ -93,10 +94,19 @@ def problem_of(case: str, bodies: int) -> esh.Problem:
         # 60 % of the ground.
         size = esh.Size("one", area=0.6, count=bodies)
         return esh.Problem(domain, [esh.BodyClass("disc", [size])], seed=7, avoid_overlap=True)
+    if case == "rocks":
+        # Boulders, stones and gravel of one class, 440 to 33 to 1: they cover half of the ground.
+        boulders, stones = bodies // 344, bodies // 34
+        sizes = [
+            esh.Size("boulder", area=69.0, count=boulders),
+            esh.Size("stone", area=5.2, count=stones),
+            esh.Size("gravel", area=0.155, count=bodies - boulders - stones),
+        ]
+        return esh.Problem(domain, [esh.BodyClass("rock", sizes)], seed=7, avoid_overlap=True)
     raise ValueError(case)
 
 
-CASES = ("uniform", "photograph", "gradient", "classes", "rare", "range", "lines", "contact", "clumps")
+CASES = ("uniform", "photograph", "gradient", "classes", "rare", "range", "lines", "contact", "rocks", "clumps")
 
 
 def in_tiles(
@@ -231,6 +241,14 @@ def block_error(solved: Solved, problem: esh.Problem, chosen: np.ndarray, blocks
     return float(np.sqrt(np.mean((number / number.mean() - 1.0) ** 2)))
 
 
+def touching(solved: Solved) -> float:
+    """How many of the smallest bodies touch one of the largest, to a spacing of all bodies along its rim."""
+    small, large = solved.area == solved.area.min(), solved.area == solved.area.max()
+    reach = (math.sqrt(solved.area.min() / math.pi), math.sqrt(solved.area.max() / math.pi))
+    gap = spatial.cKDTree(solved.position[large]).query(solved.position[small])[0] - sum(reach)
+    return float((gap < 0.07).sum() / (large.sum() * 2.0 * math.pi * reach[1]))
+
+
 def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else math.nan
 
@@ -279,6 +297,8 @@ def compare(
             for s in (tiled, whole)
         ]
         say(f"  smallest distance of two rare ones over their spacing: {near[0]:.3f}, global {near[1]:.3f}")
+    if case == "rocks":
+        say(f"  small ones that touch large ones: {touching(tiled):.3f} to a spacing, global {touching(whole):.3f}")
     if problem.avoid_overlap:
         say(f"  overlaps {overlaps(tiled)}, global {overlaps(whole)}")
 

@@ -17,8 +17,8 @@ from .out_of_place import OutOfPlace
 from .overlaps import MOST_NAMED, Overlaps
 
 __all__ = [
-    "notes_on_distant_outlines",
     "note_on_pairs",
+    "notes_on_distant_outlines",
     "notes_on_fixed",
     "notes_on_fixed_places",
     "notes_on_overlaps",

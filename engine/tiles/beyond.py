@@ -175,7 +175,7 @@ def _larger(plan: Plan, box: Box, reach: float) -> Box:
         axes.append(Axis(along.begin - before, along.end + after, along.units))
         low[axis] -= before * unit
         high[axis] += after * unit
-    return Box(axes[0], axes[1], (low[0], low[1]), (high[0], high[1]), (True, True, True, True))
+    return Box(axes[0], axes[1], (low[0], low[1]), (high[0], high[1]), (True,) * 4, None, box.rim)
 
 
 def _pixels_of_inner(

@@ -25,6 +25,7 @@ class Box:
         high: Upper right corner [m].
         cut: Whether the left, right, lower and upper sides are cuts, rather than edges of the domain.
         period: Extent of a periodic domain [m], beyond whose upper right edges a part may reach; None of one that ends.
+        rim: How far within the four sides the cuts of a window lie that is seen with what lies around it [m]; see :meth:`.Layout.around`.
     """
 
     across: Axis
@@ -33,6 +34,7 @@ class Box:
     high: tuple[float, float]
     cut: tuple[bool, bool, bool, bool]
     period: tuple[float, float] | None = None
+    rim: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
     def framed(self, position: np.ndarray) -> np.ndarray:
         """Positions in a periodic domain [m], shape ``[n, 2]``, where this part sees them: from its lower left corner on."""
@@ -64,22 +66,22 @@ class Box:
         return within(position, self.low, high)
 
     def depth(self, position: np.ndarray) -> np.ndarray:
-        """Distance to the nearest cut [m], shape ``[n]``; infinite where there is none."""
+        """Distance to the nearest cut [m], shape ``[n]``, below 0 in the rim beyond it; infinite where there is none."""
         result = np.full(len(position), np.inf)
         for axis in (0, 1):
             if self.cut[2 * axis]:
-                np.minimum(result, position[:, axis] - self.low[axis], out=result)
+                np.minimum(result, position[:, axis] - (self.low[axis] + self.rim[2 * axis]), out=result)
             if self.cut[2 * axis + 1]:
-                np.minimum(result, self.high[axis] - position[:, axis], out=result)
+                np.minimum(result, self.high[axis] - self.rim[2 * axis + 1] - position[:, axis], out=result)
         return result
 
     def inside(self, depth: float) -> tuple[tuple[float, float], tuple[float, float]]:
         """Lower left and upper right corner [m], from those of this part, of what is at least so far from all cuts."""
-        left, right, below, above = (depth if cut else 0.0 for cut in self.cut)
+        left, right, below, above = (depth + rim if cut else 0.0 for cut, rim in zip(self.cut, self.rim, strict=True))
         return (left, below), (self.size[0] - right, self.size[1] - above)
 
     def fade(self, x: np.ndarray, y: np.ndarray, taper: float) -> np.ndarray:
-        """How much counts at a place: 1, and within ``taper`` [m] of a cut less and less, down to 0 on it; broadcast over x, y."""
+        """How much counts at a place: 1, and within ``taper`` [m] of sides with cuts less, down to 0 on these; broadcast over x, y."""
         along = []
         for axis, place in enumerate((x, y)):
             one = np.ones(place.shape)
@@ -158,7 +160,7 @@ class Layout:
         """
         if reach == 0.0:
             return box
-        axes = []
+        axes, rim = [], []
         for axis, along in enumerate((box.across, box.up)):
             units = self.units[axis]
             more = math.ceil(reach / self.size[axis] * units)
@@ -166,7 +168,8 @@ class Layout:
             begin, end = along.begin - before, along.end + after
             if box.period is None:
                 begin, end = max(begin, 0), min(end, units)
-            elif begin < 0:
+            rim += [(beyond * self.size[axis]) / units for beyond in (along.begin - begin, end - along.end)]
+            if begin < 0:
                 # Parts of a domain that wraps begin within it.
                 begin, end = begin + units, end + units
             axes.append(Axis(begin, end, units))
@@ -174,7 +177,8 @@ class Layout:
             tuple(self.size[k] * unit / self.units[k] for k, unit in enumerate(ends))
             for ends in ((axes[0].begin, axes[1].begin), (axes[0].end, axes[1].end))
         )
-        return Box(axes[0], axes[1], (low[0], low[1]), (high[0], high[1]), box.cut, box.period)
+        whole = (rim[0], rim[1], rim[2], rim[3])
+        return Box(axes[0], axes[1], (low[0], low[1]), (high[0], high[1]), box.cut, box.period, whole)
 
     def near(self, shift: tuple[float, float], box: Box, reach: float) -> Iterator[int]:
         """Numbers of the windows that a box comes upon, or comes nearer to than ``reach`` [m]."""

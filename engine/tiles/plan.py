@@ -51,8 +51,10 @@ CELL = 2.0
 MOST_CELLS = 24_000_000
 # Groups of fewer bodies to a tile are spread over the whole domain before all others start, if they are no more than so many.
 RARE_PER_TILE, MOST_RARE = 100, 50_000
-# Bodies that reach farther than this, in spacings, may reach over a cut into others: free ones come no nearer to cuts than twice as far.
+# Bodies that reach farther than this, in spacings, may reach others over a cut: free ones come no nearer to cuts than twice as far.
 REACH_THAT_MATTERS = 1.25
+# Units of a layout along a rim, at least.
+UNITS_PER_RIM = 4.0
 # The folder of clumps.
 CLUMP_BLOCKS = "clump-blocks"
 # Pixels along either side that densities are looked at with before anything is known.
@@ -262,7 +264,6 @@ def make_plan(run: TileRun) -> Plan:
         sources = tuple(WrappedSource(source) for source in sources)
     groups = group_tiles(problem, [shares for shares, _ in surveys])
     size = problem.rectangle.size
-    units = tuple(units_along([s.shape[1 - axis] for s in sources], run.tiles[axis]) for axis in (0, 1))
     spacing = math.sqrt(problem.rectangle.area / groups.body_count)
     fine = _typical_spacing(scene, [shares for shares, _ in surveys])
     cell = max(CELL * spacing, math.sqrt(problem.rectangle.area * groups.number / MOST_CELLS))
@@ -274,6 +275,11 @@ def make_plan(run: TileRun) -> Plan:
         if member.line is not None
     }
     reach = largest_reach(problem, groups) if problem.avoid_overlap else 0.0
+    rim = reach if reach > REACH_THAT_MATTERS * fine and run.tiles != (1, 1) else 0.0
+    units = [units_along([s.shape[1 - axis] for s in sources], run.tiles[axis]) for axis in (0, 1)]
+    if rim:
+        # Windows are seen with little more around them than they have to.
+        units = [n * max(1, math.ceil(UNITS_PER_RIM * size[axis] / (n * rim))) for axis, n in enumerate(units)]
     return Plan(
         problem,
         sources,
@@ -289,7 +295,7 @@ def make_plan(run: TileRun) -> Plan:
         max((line.longest for line in lines.values()), default=0.0),
         max((line.charges for line in lines.values() if line.straightness is not None), default=0),
         reach,
-        reach if reach > REACH_THAT_MATTERS * fine and run.tiles != (1, 1) else 0.0,
+        rim,
         _among_large(problem, groups),
         _rare(groups, run.tiles),
         _notes(problem, [shares for shares, _ in surveys]),

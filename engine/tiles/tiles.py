@@ -129,13 +129,14 @@ def solve_tiles(
 ) -> TileState:
     """Place the bodies of a problem that is larger than a machine's memory, tile by tile.
 
-    The result is that of one solve up to a few percent of its coverage error, and the same bytes for any number of processes. A run
-    that was stopped or killed goes on when it is called again.
+    It gives the same bytes for any number of processes. A run that was stopped or killed goes on when it is called again. Counts are
+    exact, and how even the result is beside that of one solve is measured in the documentation's page on tiles.
 
     Args:
         problem: A recipe, whose densities are read by window where they are ``.npy`` or GeoTIFF files; or a problem.
         folder: Gets a file for each tile, and ``index.json``, which lists them. It is empty, or holds the same run, which continues.
-        tile: Length of a tile [m]; None chooses one from the densities and the rarest group.
+        tile: Length of a tile [m], at least 30 spacings; with `avoid_overlap` 60, and more for bodies that are larger than that. None
+            chooses one from the densities, the rarest group and the largest body.
         seed: Seed used instead of the recipe's.
         steps: Steps of the descent in each of the three passes.
         ending: Format of the tiles: ``".parquet"`` (GeoParquet) or ``".npz"``.

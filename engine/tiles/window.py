@@ -90,7 +90,7 @@ def relax(
     launcher = launcher_of_process(device)
     if plan.problem.rectangle.natural:
         with times.of("set-up"):
-            beyond = beyond_of(plan, box, len(bodies), plan.rim + room.margin, launcher)
+            beyond = beyond_of(plan, box, len(bodies), room.margin, launcher)
         if beyond is not None:
             bodies, length_factor = _with_beyond(
                 plan, box, bodies, free, length_factor, demand, steps, first, beyond, launcher, times
@@ -107,8 +107,8 @@ class _Room:
 
     Attributes:
         box: The window.
-        margin: How far from its cuts bodies are pinned [m]: from its sides that are cuts, less the plan's rim.
-        taper: Over how far from them everything fades [m].
+        margin: How far from its cuts bodies are pinned [m].
+        taper: Over how far from its sides everything fades [m], where these are cuts or lie around such.
         images: Densities there, where these are others than the plan's.
         smooth: See :class:`.FieldSettings`.
     """
@@ -164,12 +164,12 @@ def _settle(
             _descend(descent, steps, _corrections(plan, descent, steps))
         state = descent.state
         with times.of("contact"):
-            _call_back(descent, box, pose, free, plan.rim + np.maximum(STRAYED * margin, far))
+            _call_back(descent, box, pose, free, np.maximum(STRAYED * margin, far))
             looking = free & looking_bodies(plan, bodies.identity) & model.footprints.is_outline
             _face(plan, box, bodies, descent, looking, 0.0)
             if part and descent.contact is not None:
                 # What looks like a free place beyond the pinned bodies along a cut is that of somebody whom this window does not hold.
-                held = box.inside(plan.rim + margin + float(_aside(plan, margin, far[free]).max()))
+                held = box.inside(margin + float(_aside(plan, margin, far[free]).max()))
                 _part(plan, box, bodies, descent, looking, held)
         with times.of("readback"):
             moved = _moved(bodies, free, model, state)
@@ -214,7 +214,7 @@ def _face(plan: Plan, box: Box, bodies: PartBodies, descent: Descent, looking: n
 
 def _is_free(plan: Plan, room: _Room, bodies: PartBodies) -> np.ndarray:
     """Which bodies of a window are not pinned."""
-    least = plan.rim + room.margin + _aside(plan, room.margin, _across(plan, bodies.identity))
+    least = room.margin + _aside(plan, room.margin, _across(plan, bodies.identity))
     fixed = plan.groups.is_fixed(bodies.identity)
     held = _held(plan, bodies.identity)
     if held.any() and plan.problem.avoid_overlap:
@@ -260,7 +260,7 @@ def _with_beyond(
         others = started_bodies(
             plan, beyond.box, identity, int(random_shares(np.zeros(1), seed)[0] * 2**31), launcher, beyond.added
         )
-    room = _Room(beyond.box, beyond.margin - plan.rim, TAPER / MARGIN * beyond.margin, beyond.images)
+    room = _Room(beyond.box, beyond.margin, _taper(beyond.box, beyond.margin), beyond.images)
     order = np.argsort(np.concatenate([bodies.identity, identity]), kind="stable")
     both = np.concatenate([free, _is_free(plan, room, others)])[order]
     everybody = PartBodies.joined([bodies, others])
@@ -438,9 +438,14 @@ def _margins(plan: Plan, box: Box, count: int) -> tuple[float, float]:
     spacing = max(plan.fine, math.sqrt(box.size[0] * box.size[1] / count))
     # Only sides that are cuts take anything.
     room = [
-        MOST_MARGIN * (box.size[axis] - plan.rim * sum(box.cut[2 * axis : 2 * axis + 2]))
+        MOST_MARGIN * (box.size[axis] - sum(box.rim[2 * axis : 2 * axis + 2]))
         for axis in (0, 1)
         if box.cut[2 * axis] or box.cut[2 * axis + 1]
     ]
     margin = min([MARGIN * spacing, *room])
-    return margin, TAPER / MARGIN * (plan.rim + margin)
+    return margin, _taper(box, margin)
+
+
+def _taper(box: Box, margin: float) -> float:
+    """Over how far from a window's sides everything fades [m]."""
+    return TAPER / MARGIN * (margin + min((rim for rim, cut in zip(box.rim, box.cut, strict=True) if cut), default=0.0))

@@ -76,6 +76,18 @@ def test_large_bodies_keep_others_off_across_cuts_of_all_kinds(classes, tmp_path
     assert state.overlaps == 0
 
 
+def test_large_bodies_keep_others_off_where_windows_wrap(tmp_path):
+    # Tiles are longer along one axis, and so are their units.
+    sizes = [esh.Size("boulder", area=12.0, count=36), esh.Size("gravel", area=0.03, count=18_000)]
+    problem = esh.Problem(
+        esh.Domain((64.0, 60.0), "periodic"), [esh.BodyClass("rock", sizes)], seed=2, avoid_overlap=True
+    )
+    state, bodies = solved(problem, tmp_path / "out", tile=30.0, steps=(15, 12, 15))
+    assert state.tiles == (2, 2)
+    assert counted(problem, bodies).count == 0
+    assert state.overlaps == 0
+
+
 def test_no_more_small_bodies_touch_large_ones_than_in_one_solve(tmp_path):
     _, bodies = solved(rocks(), tmp_path / "out", tile=60.0)
     at_once = esh.solve(rocks(), device="cpu")
@@ -206,6 +218,12 @@ def test_what_lies_around_a_window(periodic):
     wide = layout.around(box, 2.05)
     assert wide.size == pytest.approx((34.2, 34.2) if periodic else (32.1, 32.1))
     assert wide.cut == box.cut
+    assert wide.rim == pytest.approx((2.1, 2.1, 2.1, 2.1) if periodic else (0.0, 2.1, 0.0, 2.1))
+    # Depths are those from the window's own cuts, as far as the rim is wide.
+    right = wide.low[0] + wide.size[0] - 2.1
+    assert wide.depth(
+        np.array([[right - 0.5, wide.low[1] + 20.0], [right + 0.5, wide.low[1] + 20.0]])
+    ) == pytest.approx([0.5, -0.5])
     if periodic:
         # It begins within the domain, and sees what is in the window beyond its far edges.
         assert wide.low == pytest.approx((87.9, 57.9))
