@@ -25,7 +25,7 @@ class Box:
         high: Upper right corner [m].
         cut: Whether the left, right, lower and upper sides are cuts, rather than edges of the domain.
         period: Extent of a periodic domain [m], beyond whose upper right edges a part may reach; None of one that ends.
-        rim: How far within the four sides the cuts of a window lie that is seen with what lies around it [m]; see :meth:`.Layout.around`.
+        rim: How far within the four sides the cuts of a window lie that is seen with its surroundings [m]: see :meth:`.Layout.around`.
     """
 
     across: Axis
