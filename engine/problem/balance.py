@@ -6,7 +6,7 @@ The paper is Schmaltz, Gwosdek and Weickert 2012.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -107,6 +107,19 @@ class Balance(Settings):
         """Which classes keep apart in contact, shape ``[class_count, class_count]``, bool; None where all do."""
         apart = None if self.non_overlap is None else np.asarray(self.non_overlap) > 0.0
         return None if apart is None or apart.all() else apart
+
+    def of_some(self, chosen: Sequence[int], most_sizes: int) -> Balance:
+        """Return the balance of some of the classes, which have no more than so many sizes.
+
+        Args:
+            chosen: Their indices.
+            most_sizes: How many sizes one of them has at most.
+        """
+        apart = None if self.non_overlap is None else np.asarray(self.non_overlap)[np.ix_(chosen, chosen)]
+        emphasis = self.size_emphasis
+        if isinstance(emphasis, tuple):
+            emphasis = emphasis[: most_sizes - 1] or 1.0
+        return replace(self, non_overlap=apart, size_emphasis=emphasis)
 
     def class_factors(
         self, counts: Sequence[int], areas: Sequence[float], most_alone: np.ndarray | None = None

@@ -19,7 +19,6 @@ from ..model.model import Model
 from ..motion.forces import FieldSettings
 from ..problem.domain import Domain
 from ..problem.obstacles import Obstacle
-from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.surface import Surface
 from ..space.density import move_into_support
@@ -88,28 +87,18 @@ def rare_problems(
     """
     balance, class_index = problem.balance, problem.body_indices()[0]
     for number, stage in enumerate(_stages(problem)):
-        apart = None if balance.non_overlap is None else np.asarray(balance.non_overlap)[np.ix_(stage, stage)]
         # Their densities have clumps already, and obstacles cut out of them.
         classes = [replace(problem.classes[c], base=None, clustering=0.0) for c in stage]
-        emphasis = _emphasis_among(balance.size_emphasis, classes)
         rare = Problem(
             domain,
             classes,
-            replace(balance, non_overlap=apart, size_emphasis=emphasis),
+            balance.of_some(stage, max(len(c.sizes) for c in classes)),
             obstacles=obstacles,
             seed=int(np.random.default_rng([problem.seed, 11, number]).integers(1 << 31)),
             regularity=problem.regularity,
             avoid_overlap=avoid_overlap,
         )
         yield rare, np.isin(class_index, stage)
-
-
-def _emphasis_among(emphasis: float | Sequence[float], classes: Sequence[PreparedClass]) -> float | Sequence[float]:
-    """Return what of a size emphasis is for these classes, where a list of it may be for more sizes."""
-    larger = max(len(c.sizes) for c in classes) - 1
-    if isinstance(emphasis, (int, float)):
-        return emphasis
-    return emphasis[:larger] if larger else 1.0
 
 
 def _stages(problem: Problem) -> list[list[int]]:

@@ -3,9 +3,9 @@
 While all move at once, a large body pushes small ones with its charge from its middle, as strongly as its ground asks for in the mean
 over the domain. How densely small ones lie right beside it then depends on how many are asked for just there, and on what a natural
 border has cut off. So, once large ones have their places, small ones are placed again, with the ground of the large ones cut out of
-their densities as that of all obstacles is. Errors of tufts among boulders at one spacing, before and after that: .013 and .007 with an
-open border, .038 and .008 with a natural one, .090 and .006 where their density rises tenfold. Of three sizes in a crescent with a
-natural border the smallest have .19 and .01.
+their densities as that of all obstacles is. Errors of tufts among boulders, before and after that: .013 and .007 with an open border,
+.038 and .008 with a natural one, .090 and .006 where their density rises tenfold. Of three sizes in a crescent with a natural border
+the smallest have .19 and .01.
 """
 
 from __future__ import annotations
@@ -98,13 +98,10 @@ def small_among_large(placement: Placement) -> SmallAmongLarge | None:
         )
         for c in kept
     ]
-    emphasis = problem.balance.size_emphasis
-    if isinstance(emphasis, tuple):
-        emphasis = emphasis[: max(1, max(len(c.sizes) for c in classes) - 1)]
     around = Problem(
         problem.rectangle,
         classes,
-        replace(problem.balance, size_emphasis=emphasis, non_overlap=None),
+        problem.balance.of_some(kept, max(len(c.sizes) for c in classes)),
         fixed=_fixed_small(problem, kept, first),
         obstacles=_obstacles(placement, np.flatnonzero(~row_is_small), _margin(placement, row_is_small)),
         seed=int(np.random.default_rng([problem.seed, 16]).integers(1 << 31)),
