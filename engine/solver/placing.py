@@ -50,12 +50,12 @@ class EditedBodies(NamedTuple):
     Attributes:
         added: Identities of bodies that are new.
         removed: Identities of bodies that are gone.
-        settle: Takes so many steps after the edit.
+        settle: Takes so many steps after the edit. It returns who is new and who is gone then, or None where that has not changed.
     """
 
     added: np.ndarray
     removed: np.ndarray
-    settle: Callable[[int], None]
+    settle: Callable[[int], tuple[np.ndarray, np.ndarray] | None]
 
 
 class Placing(ABC, Generic[AnyDescent]):
@@ -69,7 +69,7 @@ class Placing(ABC, Generic[AnyDescent]):
         model: The compiled problem; another one after an edit.
         next_identity: The identity that the next new body gets.
         bookmarks: What the solver can return to.
-        has_run: Whether a run has come to its end.
+        has_run: Whether a run has come to its end since the bodies were last cut.
         STATE: What a state is here.
     """
 

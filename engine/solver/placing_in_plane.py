@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import closing, suppress
 from dataclasses import replace
 from functools import partial
 from typing import ClassVar
@@ -13,7 +14,7 @@ import numpy as np
 from ..descent.convergence import TOLERANCE
 from ..descent.descent import Descent
 from ..device.launcher import Launcher
-from ..edits.carried_descent import carried_poses, carry_turns, go_on_within
+from ..edits.carried_descent import carried_poses, carry_turns, go_on_from, go_on_within
 from ..edits.edit import EditInPlane
 from ..edits.given_places import given_poses, lay_outlines
 from ..edits.plane_settling import settle_in_plane
@@ -33,7 +34,7 @@ from .choice_of_start import choose_start, number_of_starts
 from .ink import with_widths
 from .placing import EditedBodies, GivenPlaces, Placing
 from .rare_start import rare_starts, start_some
-from .small_among_large import SmallAmongLarge, large_stay, least_large_area, same_bodies, small_among_large
+from .small_among_large import SmallAmongLarge, least_large_area, small_among_large
 
 __all__ = ["PlacingInPlane"]
 
@@ -129,15 +130,17 @@ class PlacingInPlane(Placing[Descent]):
         descent.take_over_targets(self.descent)
         self._take(model, descent)
         descent.place_charges()
-        settle: Callable[[int], None] = partial(settle_in_plane, descent, carried, before)
+        settle = partial(settle_in_plane, descent, carried, before)
         if small is not None:
-            settle = partial(self._settle_small, settle, small)
+            # Whoever comes while these settle has a number that nobody has by now.
+            self.next_identity = max(self.next_identity, int(carried.came.max(initial=-1)) + 1)
+            return EditedBodies(carried.came, carried.went, partial(self._settle_small, settle, small))
         return EditedBodies(carried.came, carried.went, settle)
 
     def cut(self, go_on: Callable[[], bool] | None = None) -> None:
-        """With a natural border, drop the bodies beyond it and even out the charge along the cut; nothing the second time.
+        """With a natural border, drop the bodies beyond it and even out the charge along the cut. Does nothing the second time.
 
-        Bodies that are much smaller than others are placed around these then.
+        After a run, bodies that are much smaller than others are placed around these as well; see :mod:`.small_among_large`.
 
         Args:
             go_on: Called now and then; where it returns False small bodies stay where they are.
@@ -146,22 +149,25 @@ class PlacingInPlane(Placing[Descent]):
             with self.launcher.phase("border"):
                 border, self._border = self._border, None
                 self._descent = go_on_within(self.descent, border, self.model)
-        if self._is_fresh and self.has_run:
-            self._is_fresh = False
-            self._place_small_among_large(go_on)
+        if self.has_run:
+            self.has_run = False
+            self._place_small_bodies(go_on)
 
-    def _place_small_among_large(self, go_on: Callable[[], bool] | None) -> None:
-        """Place bodies that are much smaller than others anew, around these; see :mod:`.small_among_large`."""
-        small = self._small_among_large()
+    def _place_small_bodies(self, go_on: Callable[[], bool] | None) -> None:
+        """Place small bodies around large ones: anew after a first run, from where they are after all others."""
+        small, afresh = self._small_among_large(), self._is_fresh
+        self._is_fresh = False
         if small is None:
             return
-        with self.launcher.phase("small bodies"):
-            around = PlacingInPlane(Model(small.problem), self.launcher)
-            around.start(afresh=True)
+        # Where a class has no place beside large bodies, or memory is short, they stay as they came to lie while all moved at once.
+        with suppress(ProblemError), self.launcher.phase("small bodies"), closing(self._around(small)) as around:
+            if afresh:
+                around.start(afresh=True)
+            else:
+                around.start_at(GivenPlaces(small.placement.position[small.rows], None, None, None, None))
             if around._take_steps(STEPS_OF_SMALL, go_on):
                 around.cut(go_on)
                 self._put(small.rows, around)
-            around.close()
 
     def _small_among_large(self) -> SmallAmongLarge | None:
         """What is to be placed around large bodies; None where all are alike, or the large ones leave no place."""
@@ -169,59 +175,76 @@ class PlacingInPlane(Placing[Descent]):
         if not math.isfinite(least_large_area(model.problem)):
             return None
         # Ghosts are in no placement, and whom somebody else holds stays where he is.
-        if model.body.flagged and model.body.flags[~model.fixed].any():
+        if (model.body.flags & ~np.where(model.fixed, BodyFlags.PINNED, 0)).any():
             return None
-        try:
+        with suppress(ProblemError):
             small = small_among_large(self.descent.placement())
             if small is not None:
                 check_memory(small.problem)
-        except ProblemError:
-            # They stay as they came to lie while all moved at once.
-            return None
-        return small
+            return small
+        return None
+
+    def _around(self, small: SmallAmongLarge) -> PlacingInPlane:
+        """A placing of small bodies under the numbers that they have here."""
+        around = PlacingInPlane(Model(small.problem), self.launcher)
+        around.take_identities(small.placement.id[small.rows], np.zeros(len(small.rows), bool))
+        around.next_identity = max(self.next_identity, around.next_identity)
+        return around
 
     def _put(self, rows: np.ndarray, around: PlacingInPlane) -> None:
-        """Put bodies where another placing has them."""
-        state, other = self.descent.state, around.descent.state
+        """Put bodies where another placing has them; fixed ones stay."""
+        state, free = self.descent.state, ~self.model.fixed[rows]
         pose = state.pose.numpy().copy()
-        pose[rows, :2] = around.positions() / self.model.unit
+        pose[rows[free], :2] = around.positions()[free] / self.model.unit
         state.pose.assign(pose)
         if self.model.footprints.has_outlines:
             turn = state.turn.numpy().copy()
-            turn[rows] = other.turn.numpy()
+            turn[rows[free]] = around.descent.state.turn.numpy()[free]
             state.turn.assign(turn)
-        # What steps have learned of the forces is of other places.
-        state.displacement.zero_()
-        state.move.zero_()
         self.descent.place_charges()
 
-    def _settle_small(self, settle: Callable[[int], None], before: SmallAmongLarge, steps: int) -> None:
+    def _settle_small(
+        self, settle: Callable[[int], object], before: SmallAmongLarge, steps: int
+    ) -> tuple[np.ndarray, np.ndarray] | None:
         """Settle after an edit; then small bodies do so around the large ones, as those who were placed around them before.
 
         Args:
             settle: Takes so many steps with all bodies.
             before: What was placed around large bodies before the edit.
             steps: To take.
+
+        Returns:
+            Identities of bodies that have come and gone in the edit; None where they are those that came and went before.
         """
-        stay = large_stay(before.placement, self.descent.placement())
-        if not stay:
-            settle(steps)
+        settle(steps)
         after = self._small_among_large()
         if after is None:
-            if stay:
-                settle(steps)
-            return
-        with self.launcher.phase("small bodies"):
-            around = PlacingInPlane(Model(before.problem), self.launcher)
+            return None
+        with suppress(ProblemError), self.launcher.phase("small bodies"), closing(self._around(before)) as around:
             around.start_at(GivenPlaces(before.placement.position[before.rows], None, None, None, None))
-            given = np.array(around.model.body.identity)
             around.edit(after.problem).settle(steps)
-            order = np.argsort(given)
-            place = np.minimum(np.searchsorted(given, around.model.body.identity, sorter=order), len(order) - 1)
-            came = given[order[place]] == around.model.body.identity
-            identity = np.where(came, before.placement.id[before.rows][order[place]], -1)
-            self._put(after.rows[same_bodies(identity, self.model, after.rows)], around)
-            around.close()
+            self._take_over(after.rows, around)
+            now, then = self.model.body.identity, before.placement.id
+            return np.setdiff1d(now, then), np.setdiff1d(then, now)
+        return None
+
+    def _take_over(self, rows: np.ndarray, around: PlacingInPlane) -> None:
+        """Have some rows be the bodies of another placing after an edit of that: their places, numbers and outlines."""
+        model, free = self.model, ~self.model.fixed[rows]
+        identity = np.array(model.body.identity, np.int32)
+        identity[rows[free]] = around.model.body.identity[free]
+        model.body = replace(model.body, identities=identity)
+        self.next_identity = max(self.next_identity, around.next_identity)
+        if model.footprints.has_outlines:
+            variant, scale = np.array(model.footprints.variant), np.array(model.footprints.scale)
+            variant[rows[free]] = around.model.footprints.variant[free]
+            scale[rows[free]] = around.model.footprints.scale[free]
+            model.take_outlines(model.footprints.with_outlines(variant, scale))
+            # Kernels have outlines, and how these lean, from the start of a descent.
+            before = self.descent
+            self._descent = go_on_from(before, model, self.positions(), np.arange(model.body_count))
+            self._descent.take_over_targets(before)
+        self._put(rows, around)
 
     def _take_steps(self, most: int, go_on: Callable[[], bool] | None = None) -> bool:
         """Take steps until bodies have settled, or ``most`` are taken; return False where ``go_on`` did before."""

@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..model.model import Model
 from ..problem.body_footprints import CAPSULE, BodyFootprints
 from ..problem.fixed_bodies import FixedBodies
 from ..problem.footprints import Footprints
@@ -28,7 +27,7 @@ from ..problem.placement_footprints import footprints_of_placement
 from ..problem.problem import Problem
 from ..problem.size import Size
 
-__all__ = ["SmallAmongLarge", "large_stay", "least_large_area", "same_bodies", "small_among_large"]
+__all__ = ["SmallAmongLarge", "least_large_area", "small_among_large"]
 
 # Points of the arc around a rounded corner of a large body.
 ARC_POINTS = 12
@@ -87,7 +86,7 @@ def small_among_large(placement: Placement) -> SmallAmongLarge | None:
     row_is_small = np.repeat([small for of_class in is_small for small in of_class], counts)
     if not (row_is_small & ~placement.fixed).any():
         return None
-    # Their densities have clumps and are without other obstacles already, and what is cut out now changes no counts.
+    # Their densities have clumps already, and what is cut out now changes no counts.
     classes = [
         replace(
             problem.classes[c],
@@ -102,38 +101,16 @@ def small_among_large(placement: Placement) -> SmallAmongLarge | None:
         problem.rectangle,
         classes,
         problem.balance.of_some(kept, max(len(c.sizes) for c in classes)),
-        fixed=_fixed_small(problem, kept, first),
-        obstacles=_obstacles(placement, np.flatnonzero(~row_is_small), _margin(placement, row_is_small)),
+        fixed=_fixed_small(placement, kept, first),
+        obstacles=[
+            *problem.obstacles,
+            *_obstacles(placement, np.flatnonzero(~row_is_small), _margin(placement, row_is_small)),
+        ],
         seed=int(np.random.default_rng([problem.seed, 16]).integers(1 << 31)),
         avoid_overlap=True,
         regularity=problem.regularity,
     )
     return SmallAmongLarge(around, np.flatnonzero(row_is_small), placement)
-
-
-def large_stay(before: Placement, after: Placement) -> bool:
-    """Tell whether an edit has changed nothing about large bodies: where they are, and what they follow."""
-    least = least_large_area(before.problem)
-    balances = [
-        (one.class_separation, one.size_emphasis, one.rare_emphasis)
-        for one in (before.problem.balance, after.problem.balance)
-    ]
-    if least != least_large_area(after.problem) or balances[0] != balances[1]:
-        return False
-    large: list[tuple[np.ndarray, ...]] = []
-    followed: list[list[np.ndarray]] = []
-    for placement in (before, after):
-        own = placement.area >= 0.5 * least
-        large.append((placement.id[own], placement.position[own], placement.angle[own], placement.area[own]))
-        followed.append(
-            [
-                c.density_image
-                for c in placement.problem.classes
-                if any(size.mean_area >= least for size in c.sizes) or any(size.line for size in c.sizes)
-            ]
-        )
-    same = all(np.array_equal(one, other) for one, other in zip(*large, strict=True))
-    return same and len(followed[0]) == len(followed[1]) and all(map(np.array_equal, *followed))
 
 
 def _size_of(placement: Placement, class_index: int, size_index: int) -> Size:
@@ -155,9 +132,9 @@ def _size_of(placement: Placement, class_index: int, size_index: int) -> Size:
     return replace(size, **changes)
 
 
-def _fixed_small(problem: Problem, kept: list[int], first: list[np.ndarray]) -> list[FixedBodies]:
+def _fixed_small(placement: Placement, kept: list[int], first: list[np.ndarray]) -> list[FixedBodies]:
     """Fixed bodies among the small ones, as a problem of these alone counts classes and sizes."""
-    fixed = problem.fixed
+    fixed = placement.problem.fixed
     own = np.array(
         [c in kept and s in first[c] for c, s in zip(fixed.class_index, fixed.size_index, strict=True)], bool
     )
@@ -173,6 +150,8 @@ def _fixed_small(problem: Problem, kept: list[int], first: list[np.ndarray]) -> 
             fixed.angle[own],
             fixed.length[own],
             fixed.area[own],
+            # Both are in the same order.
+            placement.id[placement.fixed][own],
             variant=fixed.variant[own],
             scale=fixed.scale[own],
         )
@@ -220,26 +199,3 @@ def _obstacle(
         return Obstacle(disc=(x, y, math.sqrt(float(placement.area[body]) / math.pi) * room), margin=gap)
     turned = outlines[footprints.shape[body]] @ np.array([[c, s], [-s, c]])
     return Obstacle(polygon=turned * (float(footprints.factor[body]) * room) + (x, y), margin=gap)
-
-
-def same_bodies(identity: np.ndarray, model: Model, rows: np.ndarray) -> np.ndarray:
-    """Return which of some rows of a model each of as many bodies is, shape ``[n]``; new ones take the rows that are left.
-
-    Args:
-        identity: Of the bodies in the model, -1 for new ones, shape ``[n]``, in class, then size order.
-        model: The model.
-        rows: Rows of the same classes and sizes, as many of each, shape ``[n]``.
-    """
-    own = model.body.identity[rows]
-    kind = model.body.class_index[rows].astype(np.int64) * len(rows) + model.body.size_index[rows]
-    result = np.full(len(rows), -1)
-    # Who is there under his number, and of the same size.
-    order = np.argsort(own)
-    at = order[np.minimum(np.searchsorted(own, identity, sorter=order), len(order) - 1)]
-    same = (own[at] == identity) & (kind[at] == kind) & ~model.fixed[rows[at]]
-    result[same] = at[same]
-    left = np.ones(len(rows), bool)
-    left[at[same]] = False
-    # Both are in the same order of classes and sizes.
-    result[~same] = np.flatnonzero(left)
-    return result

@@ -182,7 +182,8 @@ class Solver:
             self._record = record
             placing.next_identity = max(placing.next_identity, int(added.max(initial=-1)) + 1)
             if steps:
-                settle(steps)
+                changed = settle(steps)
+                added, removed = (added, removed) if changed is None else changed
                 self._stepped(steps)
             if steps or problem.avoid_overlap:
                 self.separate(again=True)
@@ -222,7 +223,7 @@ class Solver:
     def state(self) -> State | SurfaceState:
         """The current state. It changes with every step, so copy it to keep it.
 
-        With a natural border, this drops the bodies beyond it, as :meth:`placement` does.
+        With a natural border, this drops the bodies beyond it, and after a run it places small bodies, as :meth:`placement` does.
         """
         self._placing.cut()
         state, body = self.descent.state, self.model.body
@@ -425,7 +426,7 @@ class Solver:
         """Return the bodies where they are now.
 
         With a natural border, this drops the bodies beyond it for good: later steps treat the border as open. After a :meth:`run`,
-        bodies that are much smaller than others are placed anew around these first; later steps move all of them.
+        bodies that are much smaller than others, which they may not overlap, are first placed around these; the first time anew.
 
         Args:
             report: Whether to measure them, too, as :meth:`measured` does. Of many bodies that takes longer than an edit of a few.
@@ -488,6 +489,9 @@ class Solver:
             stopped: Whether somebody has stopped the run, as the report then says where bodies were not parted.
         """
         heat = self.heat
+        if stopped:
+            # Nothing more is improved then.
+            self._placing.has_run = False
         placement = self.placement()
         # Whoever was told how the run goes may ask where bodies are even now.
         self._left_at = placement.position
