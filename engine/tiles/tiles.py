@@ -364,7 +364,7 @@ def _open_folder(run: TileRun, on_gpu: bool) -> None:
     """Make the folder, or find that it is of the same run."""
     folder = Path(run.folder)
     plan: dict[str, Any] = {
-        "version": 1,
+        "version": 2,
         "recipe": run.contents,
         "seed": run.seed,
         "tiles": list(run.tiles),
