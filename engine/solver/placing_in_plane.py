@@ -80,7 +80,7 @@ class PlacingInPlane(Placing[Descent]):
 
     def start_from(self, state: StateArrays) -> None:
         """Continue from another state of the same problem; its values are copied."""
-        self._is_fresh = False
+        self._is_fresh = self.has_run = False
         if self._leave_beyond():
             self._descent = self.new_descent()
         super().start_from(state)
@@ -90,7 +90,7 @@ class PlacingInPlane(Placing[Descent]):
 
         Without given angles and lengths they lie as they did. Of those that were placed beyond a border nothing is known.
         """
-        self._is_fresh = False
+        self._is_fresh = self.has_run = False
         self._leave_beyond()
         before = None if self._descent is None else self._descent.state
         pose = given_poses(self.model, places.position, places.angle, places.length, before)
@@ -268,7 +268,7 @@ class PlacingInPlane(Placing[Descent]):
 
     def return_to(self, bookmark: Bookmark) -> None:
         """Return to the problem and the bodies of a bookmark, which knows no border."""
-        self._border, self._is_fresh = None, False
+        self._border, self._is_fresh, self.has_run = None, False, False
         super().return_to(bookmark)
 
     def positions(self) -> np.ndarray:

@@ -246,6 +246,20 @@ def test_a_look_in_between_and_further_runs_leave_small_ones_even():
         assert error_of_tufts(solver.placement(report=True)) < 0.045
 
 
+def test_bodies_that_are_put_somewhere_after_a_run_stay_there():
+    with Solver(scene(density=ramp()), device="cpu") as solver:
+        solver.run(20)
+        first = solver.placement()
+        bookmark = solver.bookmark()
+        solver.edit(scene(28, density=ramp()), steps=5)
+        solver.run(20)
+        solver.go_back(bookmark)
+        np.testing.assert_array_equal(solver.placement().position, first.position)
+        solver.run(20)
+        solver.start_at(first.position)
+        np.testing.assert_allclose(solver.placement().position, first.position, atol=1e-4)
+
+
 def test_a_class_without_a_place_beside_large_bodies_is_no_error():
     y, x = (np.mgrid[:400, :400] + 0.5) / 400 * SIDE
     around = (np.hypot(x - 10.0, SIDE - y - 10.0) < 1.73).astype(float)
