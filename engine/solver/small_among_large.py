@@ -32,8 +32,12 @@ __all__ = ["SmallAmongLarge", "least_large_area", "small_among_large"]
 # Points of the arc around a rounded corner of a large body.
 ARC_POINTS = 12
 # Small bodies stand in a row along an edge of their density. So many of their spacings are left free in front of large ones, but no
-# more than is between two of them.
-MARGIN = 0.2
+# more than is between two of them; less where an edge turns away before the next neighbor.
+MARGIN = 0.25
+# At least so many small ones come to each large one. Fewer have few neighbors among themselves, and are as even where they and large
+# ones push each other. Measured in units of what forces alone give, distances to the nearest are .86 with 60 among 60, .97 with 909
+# among 91, and .98 with 400 among 25, whose coverage error falls from .010 to .004.
+FEWEST = 12.0
 
 
 class SmallAmongLarge(NamedTuple):
@@ -53,16 +57,19 @@ class SmallAmongLarge(NamedTuple):
 def least_large_area(problem: Problem) -> float:
     """Return the mean area [m²] from which on sizes are large; infinity where they are not clearly apart from all others.
 
-    The largest ones are told from all others first. Those that may lie on each other are no obstacles, and lines have places of their
-    own among small ones, which depend on how they lie.
+    The largest ones are told from all others first. Those that may lie on each other are no obstacles; small lines have places that
+    depend on how they lie; and small ones have to be many.
     """
     if not problem.avoid_overlap or problem.balance.rare_emphasis == 0.0 or problem.balance.classes_apart is not None:
         return math.inf
     sizes = sorted((size for c in problem.classes for size in c.sizes), key=lambda size: size.mean_area)
     for smaller, larger in reversed(list(itertools.pairwise(sizes))):
-        if larger.area_span[0] >= LARGE * smaller.area_span[1]:
-            is_dots = all(s.line is None for s in sizes if s.mean_area < larger.mean_area)
-            return larger.mean_area if is_dots else math.inf
+        small = [size for size in sizes if size.mean_area < larger.mean_area]
+        many = sum(float(size.count or 0) for size in small)
+        few = sum(float(size.count or 0) for size in sizes) - many
+        is_apart = larger.area_span[0] >= LARGE * smaller.area_span[1]
+        if is_apart and many >= FEWEST * few and all(size.line is None for size in small):
+            return larger.mean_area
     return math.inf
 
 
@@ -162,6 +169,7 @@ def _margin(placement: Placement, row_is_small: np.ndarray) -> float:
     """What is left free in front of large bodies [m]: in the mean of the small ones where these are dense."""
     problem, area = placement.problem, placement.area
     free = max(1.0 - float(area[~row_is_small].sum()) / problem.domain.area, 0.1)
+    radius = math.sqrt(float(area[~row_is_small].mean()) / math.pi)
     margins, number = [], []
     for c, body_class in enumerate(problem.classes):
         own = area[row_is_small & (placement.class_index == c)]
@@ -171,7 +179,7 @@ def _margin(placement: Placement, row_is_small: np.ndarray) -> float:
             ground = free * problem.domain.area * float(image.mean()) ** 2 / float((image**2).mean())
             spacing = math.sqrt(ground / len(own))
             gap = max(spacing - 2.0 * math.sqrt(float(own.mean()) / math.pi), 0.0)
-            margins.append(min(MARGIN * spacing, gap))
+            margins.append(min(MARGIN * spacing * radius / (radius + spacing), gap))
             number.append(len(own))
     return float(np.average(margins, weights=number))
 

@@ -89,6 +89,19 @@ def test_small_ones_are_even_at_every_border(boundary):
     assert len(placement.position) == 2530
 
 
+@pytest.mark.parametrize(
+    ("boulders", "tufts", "least"), [(25, 40, 0.85), (60, 60, 0.8), (60, 20, 0.7), (25, 100, 0.82), (25, 400, 0.82)]
+)
+def test_few_small_ones_among_large_ones_are_even(boulders, tufts, least):
+    """Where they kept as far off large ones as many do, 20 among 60 stood in clusters: at .07."""
+    found = []
+    for seed in (1, 2, 3):
+        classes = [BodyClass("boulder", [Size("s", 4.0, boulders)]), BodyClass("tuft", [Size("s", 0.04, tufts)])]
+        placement = solve(Problem(Domain((20.0, 20.0)), classes, seed=seed, avoid_overlap=True), device="cpu")
+        found.append(nearest(placement.position[placement.class_index == 1]).mean() / math.sqrt(400.0 / tufts))
+    assert np.mean(found) > least
+
+
 def test_three_sizes_in_a_crescent_leave_no_holes():
     density = crescent()
     sizes = (("rock", 16.0, 5), ("shrub", 1.0, 70), ("pebble", 0.035, 1500))
@@ -309,6 +322,7 @@ def test_which_sizes_are_large():
         scene(boulder=Size("a", 0.99 * LARGE * TUFT, 30)),
         scene(boulder=Size("a", (0.9 * LARGE * TUFT, 20.0), 30)),
         scene(tuft=Size("blade", TUFT, 2500, line=Line(length=0.3))),
+        scene(30, 359),
         scene(avoid_overlap=False),
         scene(balance=Balance(rare_emphasis=0.0)),
         scene(balance=Balance(non_overlap=np.eye(2))),
